@@ -12,7 +12,7 @@ DEV := .venv/.dev
 SITE := _build/.built$(if $(LIVE),-live)
 COMPILE = $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes \
 	--no-annotate --custom-compile-command "make lock"
-SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/live.py tools/live.toml tools/vendored.py tools/vendored.toml tools/evidence.py tools/slides.py tools/sheets.py tools/slides.css tools/slides.js $(wildcard tools/licences/*) $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
+SOURCES := Makefile _config.yml _toc.yml tools/site.py tools/live.py tools/live.toml tools/vendored.py tools/vendored.toml tools/evidence.py tools/sheets.py tools/licences.txt $(shell find book src -type f -not -path '*/.*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*')
 
 .PHONY: help env book live test notebooks shake least fuzz lint bench study foreign release lock clean
 .DELETE_ON_ERROR:

@@ -27,7 +27,6 @@ METHODS: dict[str, tuple[Callable[..., peers.Task], object]] = {
     "python-control, Padé 10": (peers.pade, 10),
     "Runge–Kutta 4, numba": (peers.runge_kutta, None),
     "JiTCDDE": (peers.jitcdde, 1e-7),
-    "lab's engine": (peers.lab, None),
 }
 DELAYS = 20  # horizon of a response
 EACH = (25, 100, 500)  # points in a dead time
@@ -113,9 +112,6 @@ def margins() -> Rows:
         for order in (3, 10):
             chain = peers.pade_chain(loop, order)
             tasks[f"python-control, Padé {order}"] = lambda chain=chain: control.stability_margins(chain)
-        if name == "ipdt_pida_stable":
-            told = "(m => [m.gm, m.pm, m.ms].join())(pidalabEngine.margins(asked))"
-            tasks["lab's engine"] = peers.lab_engine(told, peers.lab_loop(loop))
         rows, true = [], true_margins(loop)
         for method, task in tasks.items():
             off = np.max(np.abs(three(method, task()) / true - 1))
@@ -128,8 +124,6 @@ def three(method: str, found: object) -> np.ndarray:
     """Return gain margin, phase margin and Ms of what a method returns."""
     if method == "pidalab":
         return np.array([found.gm, found.pm, found.ms])
-    if method == "lab's engine":
-        return np.array([float(x) for x in found.split(",")])
     gm, pm, distance = found[:3]
     return np.array([gm, pm, 1 / distance])
 

@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
 DATA = Path(__file__).parents[1] / "book" / "data"
-PACKAGES = ("pidalab", "numpy", "scipy", "numba", "control", "jitcdde", "ddeint", "mini-racer")
+PACKAGES = ("pidalab", "numpy", "scipy", "numba", "control", "jitcdde", "ddeint")
 
 
 def oracle_cases(name: str) -> list[dict]:

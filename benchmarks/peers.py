@@ -15,12 +15,10 @@ the states of the exact engine.
 from __future__ import annotations
 
 import contextlib
-import json
 import tempfile
 from collections.abc import Callable
 from functools import reduce
 from operator import mul
-from pathlib import Path
 from typing import NamedTuple
 
 import control
@@ -36,7 +34,6 @@ Array = NDArray[np.float64]
 Task = Callable[[], tuple[Array, Array]]
 
 GRID = 500  # points per dead time for those that compute at any times asked
-LAB = Path(__file__).parents[1] / "book" / "_static" / "lab" / "engine.js"
 
 
 class DelayEquation(NamedTuple):
@@ -249,56 +246,3 @@ def ddeint(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
         return A @ x(time) + b * (c_v @ x(time - delay)) + e
 
     return lambda: (t, ddeint(derivative, lambda time: np.zeros(b.size), t) @ c_y)
-
-
-def lab(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: int = GRID) -> Task:
-    """Return the engine of the book's lab, JavaScript in an interpreter of its own; it has no setting."""
-    t = grid(loop, horizon, per_delay)
-    asked = lab_loop(loop) | {"end": t[-1], "points": t.size, "setpoint": 1}
-    run = lab_engine("pidalabEngine.simulate(asked).y.buffer", asked)
-    return lambda: (t, np.frombuffer(run(), dtype=float).copy())  # the interpreter frees its own
-
-
-def lab_engine(expression: str, asked: dict) -> Callable[[], object]:
-    """Return a task that lets the lab's engine evaluate an expression of what is asked.
-
-    The engine remembers loops; so each call asks for one that is new, in the last bits of its proportional gain.
-    """
-    from py_mini_racer import MiniRacer
-
-    context = MiniRacer()
-    context.eval(LAB.read_text(encoding="utf-8"))
-    context.eval(f"const asked = {json.dumps(asked)}, kp = asked.controller.gains[1]; let calls = 0")
-    run = context.eval(
-        f"() => {{ asked.controller.gains[1] = kp * (1 + ++calls * 2 ** -52); return {expression} }}"
-    )
-    return lambda keep=context: run()  # a function outlives its interpreter, and then fails
-
-
-def lab_loop(loop: pidalab.Loop) -> dict:
-    """Return what the lab's engine is told of a loop; its controllers are gains over one filter of equal lags.
-
-    Raises
-    ------
-    ValueError
-        For a loop that it does not have.
-    """
-    num, den = loop.blocks["controller"]
-    order = den.size - 2
-    time = den[-3] / den[-2] / order if order else 0.0
-    lags = np.append(np.poly(np.full(order, -1 / time)) * time**order if order else 1.0, 0.0)
-    others = (loop.blocks[name] for name in ("output_filter", "prefilter"))
-    if den[-1] or not np.allclose(den / den[-2], lags) or any(len(one) > 1 for _, one in others):
-        raise ValueError("the lab's engine has no such controller")
-    return {
-        "process": {
-            "num": loop.process.num.tolist(),
-            "den": loop.process.den.tolist(),
-            "delay": loop.process.delay,
-        },
-        "controller": {
-            "gains": (num[::-1] / den[-2]).tolist(),
-            "filterTime": float(time),
-            "filterOrder": order,
-        },
-    }

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from benchmarks import dead_time, lab, loops, optimum, portraits
+from benchmarks import dead_time, loops, optimum, portraits
 from benchmarks.measure import write
 
 RESULTS = "speed_comparison"  # in book/data
@@ -34,7 +34,6 @@ def main() -> None:
     write(RESULTS, loops.COLUMNS, [row for part in parts for row in shown(part())])
     dead_time.main()
     portraits.main()
-    lab.main()
 
 
 if __name__ == "__main__":

@@ -61,14 +61,6 @@ def test_the_reference_of_the_costs_is_the_exact_engine():
         np.testing.assert_allclose(loops.extrapolated(loop, HORIZON, 100), y, rtol=0, atol=1e-11)
 
 
-def test_the_labs_engine_is_told_the_same_loop():
-    _, y = peers.lab(loops.family(3, 1.0), HORIZON, None, 25)()
-    _, exact = peers.exact(loops.family(3, 1.0), HORIZON, None, 25)()
-    np.testing.assert_allclose(y, exact, rtol=0, atol=1e-7)
-    with pytest.raises(ValueError, match="no such controller"):
-        peers.lab_loop(STIFF)
-
-
 def test_true_margins_are_those_of_an_integrator():
     """K/s e^{-s} under a gain k: gain margin π/2k, phase margin 90° less k rad."""
     gm, pm, _ = loops.true_margins(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))

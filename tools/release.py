@@ -5,17 +5,13 @@ missing in the wheel, or a dependency that is missing in pyproject.toml, fails h
 """
 
 import os
-import shutil
 import subprocess
 import sys
 import tarfile
 import tempfile
 import venv
 import zipfile
-from datetime import UTC, datetime
 from pathlib import Path
-
-from paperledger.publishing import publish
 
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
@@ -42,12 +38,9 @@ def committed() -> str:
 
 def missing(wheel: Path, archive: Path) -> list[str]:
     """List the modules of the library that one of the two files lacks, and what the wheel has beside them."""
-    own = {
-        path.relative_to(package.parent).as_posix()
-        for package in PACKAGES
-        for path in package.rglob("*")
-        if path.suffix in {".py", ".pyi", ".typed", ".j2", ".csv"}
-    }
+    kinds = {".py", ".pyi", ".typed", ".j2", ".csv"}
+    paths = [path for package in PACKAGES for path in package.rglob("*") if path.suffix in kinds]
+    own = {path.relative_to(ROOT / "src").as_posix() for path in paths}
     with zipfile.ZipFile(wheel) as packed:
         wheeled = {name for name in packed.namelist() if ".dist-info/" not in name}
     with tarfile.open(archive) as packed:
@@ -90,19 +83,6 @@ def use(wheel: Path) -> None:
         python(ROOT / "tools" / "exercise.py")
 
 
-def account(version: str) -> Path:
-    """Pack the ledgers, and what other checkers read about them; the same for the same commit."""
-    when = datetime.fromtimestamp(int(committed()), UTC)
-    packed = DIST / f"pidalab-{version}-account.zip"
-    with tempfile.TemporaryDirectory() as made, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        shutil.copy(ROOT / "codecheck.yml", made)
-        publish(ROOT / "book" / "ledger", Path(made))
-        for path in sorted(path for path in Path(made).rglob("*") if path.is_file()):
-            entry = zipfile.ZipInfo(path.relative_to(made).as_posix(), when.timetuple()[:6])
-            archive.writestr(entry, path.read_bytes(), zipfile.ZIP_DEFLATED)
-    return packed
-
-
 def main() -> int:
     """Return 1 if the files are not whole; a use that fails raises."""
     archive, wheel = build()
@@ -110,8 +90,7 @@ def main() -> int:
         print("\n".join(wrong), file=sys.stderr)
         return 1
     use(wheel)
-    made = account(wheel.name.split("-")[1])
-    print(*(path.relative_to(ROOT) for path in (archive, wheel, made)), sep="\n")
+    print(*(path.relative_to(ROOT) for path in (archive, wheel)), sep="\n")
     return 0
 
 

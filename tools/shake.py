@@ -6,10 +6,8 @@ run with prints alone off, and a number that is called computed stays.
 
     python tools/shake.py                    # all papers
     python tools/shake.py huba2018           # one of them
-    python tools/shake.py --book FOLDER ...  # of another book
 """
 
-import argparse
 import os
 import subprocess
 import sys
@@ -62,21 +60,15 @@ LIBRARY = Shaker(
         {"t", "times", "step", "h", "sample_time", "span", "tracking_gain"}
     ),  # the last is a share
     whole={"Process": process, "Response": response},
-    compiled=frozenset({"compiled", "inlined", "plain"}),
-    left=frozenset({"Function", "Tier"}),
 )
 
 
 def main(arguments: list[str]) -> int:
     """Shake the library under the pages of some papers; 0 if every row is made by it, or says why not."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("papers", nargs="*")
-    parser.add_argument("--book", type=Path, default=ROOT / "book")
-    asked = parser.parse_args(arguments)
     if not sys.flags.optimize:  # pages and modules beside them may assert digits, which are off here
         fixed = {"OPENBLAS_NUM_THREADS": "1", "PIDALAB_COMPILE": "1", "PYTHONWARNINGS": "ignore"}
         return subprocess.call([sys.executable, "-O", __file__, *arguments], env=os.environ | fixed)
-    return shake(LIBRARY, asked.book / "ledger", asked.papers, prepare)
+    return shake(LIBRARY, ROOT / "book" / "ledger", arguments, prepare)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,4 @@
-"""Build the site: let Jupyter Book make the pages of a copy from the outputs that the notebooks store, add slides and
-sheets.
+"""Build the site: let Jupyter Book make the pages from the outputs that the notebooks store, and add sheets of tasks.
 
 No notebook runs here: `make test` runs each of them and compares what comes out with what is stored, so a page shows
 what a run gave. `make notebooks` runs them and stores what they give now. The copy keeps the work tree as it is.
@@ -14,7 +13,6 @@ from pathlib import Path
 import evidence
 import live
 import sheets
-import slides
 import vendored
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,7 +44,6 @@ def main() -> int:
     ]
     status = subprocess.run([*command, "--path-output", ROOT, SOURCE], check=False).returncode
     if status == 0:
-        slides.main(BUILD / "html" / "slides")
         sheets.main(BUILD / "html" / "sheets")
         vendored.write(vendored.SITE)
         if os.environ.get("LIVE"):

@@ -1,4 +1,4 @@
-"""Give the pages that hold the lab, a live figure or the figure of the first page its scripts, and no others."""
+"""Add the scripts of lab, live figures and slides to the pages that need them, and to no others."""
 
 LAB = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
 PARTS = {
@@ -18,6 +18,14 @@ def add_scripts(app, pagename, templatename, context, doctree):
                 app.add_js_file(f"lab/{part}.js")
 
 
+def add_slides(app, pagename, templatename, context, doctree):
+    """Let a lecture be shown as slides."""
+    if pagename.startswith("book/learn/") and 'class="pidalab-task"' in context.get("body", ""):
+        app.add_css_file("slides.css")
+        app.add_js_file("slides.js", loading_method="defer")
+
+
 def setup(app):
     app.connect("html-page-context", add_scripts)
+    app.connect("html-page-context", add_slides)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -7,10 +7,11 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pandas as pd
 from IPython.display import Markdown
+
 from pidalab import plots
 
 DATA = Path(__file__).parents[1] / "data"
-FILES = ("speed_comparison", "engine_comparison", "portrait_comparison", "lab_comparison")
+FILES = ("speed_comparison", "engine_comparison", "portrait_comparison")
 OWN, PADE = "pidalab", "python-control, Padé 10"
 STYLES = {  # mark, line and colour of each method
     OWN: ("*", "-", "#1f5fa8"),
@@ -18,7 +19,6 @@ STYLES = {  # mark, line and colour of each method
     PADE: ("s", "--", "#c8591a"),
     "Runge–Kutta 4, numba": ("^", "-.", "#2a8f5b"),
     "JiTCDDE": ("D", ":", "#8a4fa3"),
-    "lab's engine": ("o", "--", "#7a6a1c"),
 }
 
 
@@ -35,12 +35,18 @@ def rows(quantity: str) -> pd.DataFrame:
 
 def machine() -> Markdown:
     """What the tables were made with, from the line above each of them; said once where only the load differs."""
-    heads = ((DATA / f"{name}.csv").read_text(encoding="utf-8").partition("\n")[0] for name in FILES)
+    heads = (
+        (DATA / f"{name}.csv").read_text(encoding="utf-8").partition("\n")[0]
+        for name in FILES
+    )
     told: dict[str, list[float]] = {}
     for head in heads:
         made, _, load = head.removeprefix("# ").partition(", load average ")
         told.setdefault(made, []).extend([float(load)] if load else [])
-    busy = {made: f", load average {span(pd.Series(loads))}" if loads else "" for made, loads in told.items()}
+    busy = {
+        made: f", load average {span(pd.Series(loads))}" if loads else ""
+        for made, loads in told.items()
+    }
     return Markdown("\n\n".join(f"{made}{load}." for made, load in busy.items()))
 
 
@@ -63,14 +69,21 @@ def size(error: float) -> str:
 def nearer() -> pd.DataFrame:
     """How many responses by other methods came nearer to the reference than pidalab's, and how many were quicker."""
     table = rows("response")
-    both = table.merge(table[table["method"] == OWN], on=["loop", "value"], suffixes=("", "_own"))
+    both = table.merge(
+        table[table["method"] == OWN], on=["loop", "value"], suffixes=("", "_own")
+    )
     others = both[both["method"] != OWN]
     found = {
         "responses": 1,
         "nearer to the reference": others["error"] < others["error_own"],
         "less time": others["seconds"] < others["seconds_own"],
     }
-    return others.assign(**found).groupby("method", sort=False)[list(found)].sum().rename_axis(None)
+    return (
+        others.assign(**found)
+        .groupby("method", sort=False)[list(found)]
+        .sum()
+        .rename_axis(None)
+    )
 
 
 def responses() -> pd.DataFrame:
@@ -78,15 +91,25 @@ def responses() -> pd.DataFrame:
     table = rows("response")
     cells: dict[str, dict[str, str]] = {}
     for (method, points), some in table.groupby(["method", "value"], sort=False):
-        time = f"{span(1e3 * some['seconds'])} ms" if method == OWN else f"{span(some['ratio'])} ×"
-        cells.setdefault(f"{int(points):,} points", {})[method] = f"{time}, {size(some['error'].max())}"
+        time = (
+            f"{span(1e3 * some['seconds'])} ms"
+            if method == OWN
+            else f"{span(some['ratio'])} ×"
+        )
+        cells.setdefault(f"{int(points):,} points", {})[method] = (
+            f"{time}, {size(some['error'].max())}"
+        )
     return pd.DataFrame(cells)
 
 
 def faster() -> pd.DataFrame:
     """Where another method took less time than pidalab: how often, how long, how exact."""
     table = read(FILES[0])
-    table = table[table["quantity"].isin(["response", "margins", "horizon", "dead time", "order", "optimum"])]
+    table = table[
+        table["quantity"].isin(
+            ["response", "margins", "horizon", "dead time", "order", "optimum"]
+        )
+    ]
     quick = table[table["ratio"].lt(1) & table["method"].ne(OWN)]
     found = {
         (method, quantity): {
@@ -95,7 +118,9 @@ def faster() -> pd.DataFrame:
             "largest error": size(some["error"].max()),
             "least error": size(some["error"].min()),
         }
-        for (method, quantity), some in quick.groupby(["method", "quantity"], sort=False)
+        for (method, quantity), some in quick.groupby(
+            ["method", "quantity"], sort=False
+        )
     }
     return pd.DataFrame(found).T
 
@@ -106,11 +131,22 @@ def cost(quantity: str, xlabel: str, log: bool = True) -> None:
     figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.6))
     for method, (mark, line, colour) in STYLES.items():
         some = table[table["method"] == method]
-        style = {"marker": mark, "linestyle": line, "color": colour, "markersize": 5, "label": method}
+        style = {
+            "marker": mark,
+            "linestyle": line,
+            "color": colour,
+            "markersize": 5,
+            "label": method,
+        }
         axes[0].plot(some["value"], 1e3 * some["seconds"], **style)
         axes[1].plot(some["value"], some["error"], **style)
     for ax, ylabel in zip(axes, ("time, ms", "largest error"), strict=True):
-        ax.set(xscale="log" if log else "linear", yscale="log", xlabel=xlabel, ylabel=ylabel)
+        ax.set(
+            xscale="log" if log else "linear",
+            yscale="log",
+            xlabel=xlabel,
+            ylabel=ylabel,
+        )
     plots.legend(figure, ncols=2)
 
 
@@ -130,7 +166,10 @@ def margins() -> pd.DataFrame:
 def optimum() -> pd.DataFrame:
     """The solver beside differential evolution, by plant and order."""
     table = rows("optimum")
-    own, peer = (table[table["method"].eq(OWN) == one].reset_index(drop=True) for one in (True, False))
+    own, peer = (
+        table[table["method"].eq(OWN) == one].reset_index(drop=True)
+        for one in (True, False)
+    )
     kinds = {0: "PI", 1: "PID", 2: "PIDA"}
     return pd.DataFrame(
         {
@@ -139,8 +178,12 @@ def optimum() -> pd.DataFrame:
             "pidalab, s": own["seconds"].map(number),
             "evolution, s": peer["seconds"].map(number),
             "times as long": peer["ratio"].map(number),
-            "IAE above pidalab's": peer["error"].map("{:.1%}".format).str.replace("%", " %"),
-            "ended by": peer["note"].fillna("equal IAE").replace("time is up", "its time"),
+            "IAE above pidalab's": peer["error"]
+            .map("{:.1%}".format)
+            .str.replace("%", " %"),
+            "ended by": peer["note"]
+            .fillna("equal IAE")
+            .replace("time is up", "its time"),
         }
     ).set_index(["plant", "controller"])
 
@@ -148,7 +191,9 @@ def optimum() -> pd.DataFrame:
 def engines() -> pd.DataFrame:
     """Each method at its most exact setting on four loops of huba2018: error, and time as a ratio."""
     table = read(FILES[1])
-    best = table.loc[table.groupby(["m", "n", "te", "method"], sort=False)["error"].idxmin()]
+    best = table.loc[
+        table.groupby(["m", "n", "te", "method"], sort=False)["error"].idxmin()
+    ]
     cells = {}
     for method, some in best.groupby("method", sort=False):
         cells[method] = {
@@ -167,7 +212,9 @@ def portraits() -> pd.DataFrame:
             "loops run": table["sets"].map("{:,}".format),
             "seconds for all": table["seconds_for_all"].map(number),
             "times as long": table["ratio"].map(number),
-            "IAE differs by": table["iae_difference"].map(lambda error: f"{error:.0e}" if error else "0"),
+            "IAE differs by": table["iae_difference"].map(
+                lambda error: f"{error:.0e}" if error else "0"
+            ),
         }
     ).set_index(table["method"].rename(None))
 
@@ -176,20 +223,10 @@ def ten_million() -> Markdown:
     """What a portrait of ten million loops would need, by the time of those that were run."""
     table = read(FILES[2]).set_index("method")
     each = table["cpu_seconds"]["portrait"] / table["sets"]["portrait"]
-    one, two = (table["seconds"][f"portrait, {n}"] for n in ("one worker", "two workers"))
+    one, two = (
+        table["seconds"][f"portrait, {n}"] for n in ("one worker", "two workers")
+    )
     return Markdown(
         f"Two workers take {two / one:.2f} of the time of one. A portrait of ten million such loops would need about "
         f"{1e7 * each / 3600:.1f} hours of one processor, shared among all that are there."
     )
-
-
-def lab() -> pd.DataFrame:
-    """What each kind of change costs, with one design and with several, by how far the page was slowed down."""
-    table = read(FILES[3])
-    wide = table.pivot(index="change", columns=["slowed", "designs"], values="seconds")
-    columns = [
-        f"{n} design{'s' if n > 1 else ''}{f', slowed {k} times' if k > 1 else ''}, ms"
-        for k, n in wide.columns
-    ]
-    shown = (1e3 * wide.loc[table["change"].unique()]).map(number).set_axis(columns, axis=1)
-    return shown.rename_axis(f"Chromium {table['browser'].iloc[0]}")

@@ -26,31 +26,21 @@ reading alone (``reading``).
 ``show``, ``check``, ``manifest`` and ``readme`` print, validate, freeze and publish.
 """
 
-from paperledger.book import Ledger
-from paperledger.digits import BASES, VERDICTS, LedgerError, derive
+from paperledger.book import Ledger, load_all
 from paperledger.display import Display
-from paperledger.pages import (
-    errata,
-    every_row,
-    load_all,
-    score_markdown,
-    scoreboard,
-    write_score,
-)
-from paperledger.rows import Making, Row, papers, read_rows, write_rows
+from paperledger.pages import errata, every_row, score_markdown, scoreboard, write_score
+from paperledger.rows import Row, papers, read_rows, write_rows
 from paperledger.running import update
-from paperledger.statements import CONVENTIONS, Convention, Evidence, Relation
+from paperledger.verdicts import BASES, CONVENTIONS, VERDICTS, Evidence, LedgerError, Relation, derive
 
 __all__ = [
     "BASES",
     "CONVENTIONS",
     "VERDICTS",
-    "Convention",
     "Display",
     "Evidence",
     "Ledger",
     "LedgerError",
-    "Making",
     "Relation",
     "Row",
     "derive",

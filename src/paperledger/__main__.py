@@ -10,6 +10,7 @@ readme FILE ...   bring the score in Markdown files up to date
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
@@ -18,66 +19,47 @@ from paperledger.pages import freeze
 from paperledger.rows import find_folder
 from paperledger.running import missing, new
 
+COMMANDS = ("new", "update", "show", "check", "manifest", "shake", "readme")
 
-def _update(papers: list[str]) -> None:
+
+def _update(papers: Sequence[str]) -> None:
     problems = []
     for paper in papers:
         result = update(paper)
-        print("\n".join([f"{paper}: {len(result.changes)} entries changed", *result.changes]))
+        print(f"{paper}: {len(result.changes)} entries changed", *result.changes, sep="\n")
         problems += result.problems
     if problems:
         raise LedgerError("\n".join(["left to do:", *problems]))
 
 
-def _show(papers: list[str]) -> None:
-    for book in map(Ledger.open, papers):
-        print(book.table(), "", book.scorebar(), sep="\n")
+def run(command: str, names: Sequence[str]) -> None:
+    """Run one command."""
+    match command:
+        case "new":
+            for paper in names:
+                print(*new(paper, find_folder()), *missing(paper, find_folder()), sep="\n")
+        case "update":
+            _update(names)
+        case "show":
+            for book in map(Ledger.open, names):
+                print(book.claims(), "", book.scorebar(), sep="\n")
+        case "check":
+            books = load_all()
+            lacks = [line for paper in books for line in missing(paper, find_folder())]
+            print(*(book.scorebar() for book in books.values()), *lacks, sep="\n")
+        case "manifest":
+            changes = freeze()
+            print(*changes, f"manifest: {'rewritten' if changes else 'up to date'}", sep="\n")
+        case "shake":
+            from paperledger.shake import Shaker, shake  # numpy takes a while, and only this needs it
 
-
-def _check(_: list[str]) -> None:
-    books = load_all()
-    print(*(book.scorebar() for book in books.values()), sep="\n")
-    for line in (line for paper in books for line in missing(paper, find_folder())):
-        print(line)
-
-
-def _new(papers: list[str]) -> None:
-    for paper in papers:
-        folder = find_folder()
-        print(*new(paper, folder), *missing(paper, folder), sep="\n")
-
-
-def _manifest(_: list[str]) -> None:
-    changes = freeze()
-    print("\n".join([f"manifest: {'rewritten' if changes else 'up to date'}", *changes]))
-
-
-def _readme(files: list[str]) -> None:
-    for file in files:
-        print(f"{file}: {'rewritten' if write_score(file) else 'up to date'}")
-
-
-def _shake(names: list[str]) -> None:
-    from paperledger.shake import (
-        Shaker,
-        shake,  # numpy takes a while, and only this needs it
-    )
-
-    if not names:
-        raise LedgerError("shake needs the name of the package that computes: shake LIBRARY KEY ...")
-    if shake(Shaker(names[0]), None, names[1:]):
-        raise LedgerError("a row that does not move was not computed; see above")
-
-
-COMMANDS = {
-    "new": _new,
-    "update": _update,
-    "show": _show,
-    "check": _check,
-    "manifest": _manifest,
-    "shake": _shake,
-    "readme": _readme,
-}
+            if not names:
+                raise LedgerError("shake needs the name of the package that computes: shake LIBRARY KEY ...")
+            if shake(Shaker(names[0]), None, names[1:]):
+                raise LedgerError("a row that does not move was not computed; see above")
+        case "readme":
+            for file in names:
+                print(f"{file}: {'rewritten' if write_score(file) else 'up to date'}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -87,15 +69,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a file on Windows has no τ; nothing stops for that
+        if hasattr(stream, "reconfigure"):  # a console that cannot show τ prints its escape
             stream.reconfigure(errors="backslashreplace")
     try:
-        COMMANDS[asked.command](asked.names)
-    except (LedgerError, OSError) as error:
+        run(asked.command, asked.names)
+    except (LedgerError, UnicodeDecodeError, OSError) as error:
         print(error, file=sys.stderr)
         return 1
     return 0
 
 
 if __name__ == "__main__":
+    os.environ["MPLBACKEND"] = "Agg"  # pages open no windows
     sys.exit(main())

@@ -2,24 +2,23 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from difflib import get_close_matches
-from math import isfinite
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from paperledger import display
-from paperledger.digits import DECLARED, DIGITS, LedgerError, exponent, plain, read_number, write
 from paperledger.display import Display
 from paperledger.rows import Row, find_folder, naming, papers, read_rows, removed
-from paperledger.statements import Cases, Evidence, Relation
+from paperledger.verdicts import DECLARED, DIGITS, Cases, Evidence, LedgerError, Relation, read_number
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MARKS = {"last-digit": " °", "approximate": " ~", "differs": " †", "misprint": " *", "as-read": " *"}
+MARKS = {"last-digit": "°", "approximate": "~", "differs": "†", "misprint": "*", "as-read": "*"}
 
 
 class Ledger:
@@ -60,10 +59,11 @@ class Ledger:
     demo: 1 claim, 1 reproduced
     >>> book.compare({"kq": 1.0})
     Traceback (most recent call last):
-    paperledger.digits.LedgerError: demo.kq: unknown id; the closest are demo.kp
+    paperledger.verdicts.LedgerError: demo.kq: unknown id; the closest are demo.kp
     """
 
-    _recorded: ClassVar[list["Ledger"] | None] = None
+    _recorded: ClassVar[list["Ledger"] | None] = None  # ledgers that `recording` collects
+    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # what pages read in print
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class Ledger:
         self.paper = path.stem
         self.page = page or self.paper
         self.words = {**(words or {})}
-        self.rows = {row.id: row for row in rows}
+        self.rows = {row.id: replace(row, printed=Ledger._printed(row)) for row in rows}
         self.fresh: dict[str, Row] = {}
         self.refused: list[str] = []
         self.closed = False
@@ -124,7 +124,7 @@ class Ledger:
         >>> list(Ledger.open("demo", folder=folder).rows)
         ['demo.kp']
         """
-        place = Path(folder) if folder is not None else find_folder()
+        place = find_folder(folder)
         path = place / f"{paper}.csv"
         if not path.is_file():
             known = ", ".join(papers(place)) or "none"
@@ -159,7 +159,7 @@ class Ledger:
         >>> book = Ledger(Path("demo.csv"), [row])
         >>> book.compare({"demo": {"kp": 1.3151}})
         Traceback (most recent call last):
-        paperledger.digits.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
+        paperledger.verdicts.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
         demo.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit
         """
         import pandas as pd
@@ -168,14 +168,14 @@ class Ledger:
         shown: dict[str, dict[str, str]] = {}
         for id, value in _flat(values):
             try:
-                row = self._take(self._number(id, value, digits))
+                row = self._take(self._handed(id, False, digits).with_number(value, digits))
             except LedgerError as error:
                 failures.append(str(error))
                 continue
             verdict = row.verdict if row.verdict in DECLARED else row.derived() or "differs"
             group, _, key = id.rpartition(".")
-            entry = f"{row.printed} / {row.shown()}{MARKS.get(verdict, '')}"
-            shown.setdefault(group or self.paper, {})[key] = entry
+            entry = f"{row.printed} / {row.shown()}\N{NO-BREAK SPACE}{MARKS.get(verdict, '')}"
+            shown.setdefault(group or self.paper, {})[key] = entry.rstrip()
         if failures:
             self.refused += failures
             raise LedgerError("\n".join(failures))
@@ -237,7 +237,7 @@ class Ledger:
         'holds: 1 < 2'
         >>> book.decide("s", (1, 3))
         Traceback (most recent call last):
-        paperledger.digits.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
+        paperledger.verdicts.LedgerError: demo.s: drifted from 1 < 2 to 1 < 3
         """
         try:
             row = self._handed(id, True, digits)
@@ -245,9 +245,8 @@ class Ledger:
                 relation = Relation.parse(row.relation)
                 # a run that only records, such as one with the library slightly off, may tip a case
                 found = relation.decide(cases, digits, strict=not self.records)
-            kept = Evidence.parse(
-                self._take(replace(row, computed=found.verdict, evidence=str(found))).evidence
-            )
+            fresh = replace(row, computed=found.verdict, evidence=str(found))
+            kept = Evidence.parse(self._take(fresh).evidence)
         except LedgerError as error:
             self.refused += str(error).splitlines()
             raise
@@ -264,18 +263,9 @@ class Ledger:
             raise LedgerError(f"{row.id}: a printed number takes book.compare, a statement book.decide")
         if digits < DIGITS and "digits" not in row.note:
             raise LedgerError(
-                f"{row.id}: kept to {digits} digits; the note has to say why, with the word 'digits'"
+                f"{row.id}: kept to {digits} digits; the note must say why, with the word 'digits'"
             )
         return row
-
-    def _number(self, id: str, value: object, digits: int) -> Row:
-        row = self._handed(id, False, digits)
-        with naming(row.id):
-            number = float(plain(value))
-            if not isfinite(number):
-                raise LedgerError(f"expected a finite number, found {number}")
-            floor = exponent(read_number(row.printed)) - DIGITS
-            return replace(row, computed=write(number, floor, digits))
 
     def _take(self, fresh: Row) -> Row:
         """Store a row that was handed over, unless it disagrees with the file; return the row to show.
@@ -352,21 +342,11 @@ class Ledger:
         """
         row = self.row(id)
         with naming(row.id):
-            return float(read_number(row.printed))
+            read_number(row.printed)
+        return float(row.printed)
 
-    def owed(self) -> list[Row]:
-        """Return the rows that this page has to hand over.
-
-        Returns
-        -------
-        list of Row
-
-        Examples
-        --------
-        >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
-        >>> [row.id for row in Ledger(Path("demo.csv"), [row]).owed()]
-        ['demo.kp']
-        """
+    def _owed(self) -> list[Row]:
+        """Return the rows that this page has to hand over."""
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
@@ -382,14 +362,14 @@ class Ledger:
         >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced", page="demo")
         >>> Ledger(Path("demo.csv"), [row]).close()
         Traceback (most recent call last):
-        paperledger.digits.LedgerError: demo.kp: never handed over
+        paperledger.verdicts.LedgerError: demo.kp: never handed over
         """
-        missing = [f"{row.id}: never handed over" for row in self.owed() if row.id not in self.fresh]
+        missing = [f"{row.id}: never handed over" for row in self._owed() if row.id not in self.fresh]
         failures = self.refused + ([] if self.records else missing)
         if failures:
             raise LedgerError("\n".join(failures))
         self.closed = True
-        print(display.score_line(self.page, display.score(self.owed())))
+        print(display.score_line(self.page, display.score(self._owed())))
 
     def problems(self) -> list[str]:
         """List what is wrong with the file taken alone, one line each.
@@ -403,9 +383,8 @@ class Ledger:
         >>> Ledger(Path("demo.csv"), [Row("other.kp", "Table 1", "gain", "1.31", page="demo")]).problems()
         ['other.kp: does not start with demo.', "other.kp: 'computed' is empty"]
         """
-        gone = removed(self.path.parent)
-        foreign = [id for id in self.rows if not id.startswith(f"{self.paper}.")]
-        found = [f"{id}: does not start with {self.paper}." for id in foreign]
+        gone, start = removed(self.path.parent), f"{self.paper}."
+        found = [f"{id}: does not start with {start}" for id in self.rows if not id.startswith(start)]
         found += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in gone]
         return found + [problem for row in self.rows.values() for problem in row.problems()]
 
@@ -424,59 +403,6 @@ class Ledger:
         """
         return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
-    def table(
-        self,
-        prefix: str = "",
-        records: Mapping[str, Any] | str | None = None,
-        *more: str,
-        digits: int = DIGITS,
-    ) -> Any:
-        """Compare a printed table with records of this run; the ledger knows its columns.
-
-        Parameters
-        ----------
-        prefix : str
-            What the ids of the table start with: ``table3`` for ``table3.khf2.kp``.
-        records : mapping
-            By row a mapping or an object that has the columns as keys, as attributes or as methods without arguments;
-            or the number itself, where a row has one.
-        digits : int, optional
-            As in `compare`.
-
-        Returns
-        -------
-        pandas.DataFrame
-            As in `compare`, a row for each record.
-
-        Raises
-        ------
-        LedgerError
-            If the ledger has no such row, or a record lacks a column, and as in `compare`.
-
-        Examples
-        --------
-        >>> rows = [Row("demo.table1.a.ti", "Table 1", "T_I", "4.1", "4.100000000", "reproduced", page="demo")]
-        >>> book = Ledger(Path("demo.csv"), rows, words={"ti": "T_I"})
-        >>> book.table("table1", {"a": {"ti": 4.1, "td": 1.0}})
-        printed / computed         T_I
-        a                   4.1 / 4.10
-        """
-        if not isinstance(records, Mapping):  # pages that still ask for claims
-            return self.claims(*filter(None, (prefix, records, *more)))
-        values: dict[str, Any] = {}
-        for name, record in records.items():
-            start = f"{self.paper}.{prefix}.{name}"
-            columns = [id.removeprefix(f"{start}.") for id in self.rows if id.startswith(f"{start}.")]
-            if start in self.rows:
-                values[start] = record
-            elif not columns:
-                raise LedgerError(f"{start}: the ledger has no such row")
-            for column in columns:
-                values[f"{start}.{column}"] = _entry(record, column, start)
-        frame = self.compare(values, digits)
-        ids = {f"{self.paper}.{prefix}.{name}": self.spell(name) for name in records}
-        return frame.rename(index={self.spell(id): label for id, label in ids.items()})
-
     def index(self) -> Display:
         """Return what the paper prints, where this book computes it, and what comes out, in the order of the file.
 
@@ -493,14 +419,10 @@ class Ledger:
         printed item  where        outcome
         Table 1       the chapter  reproduced
         """
-        headings = {
-            page: _headings(self.path.resolve().parents[1] / f"{page}.ipynb") for page in self._pages()
-        }
+        book = self.path.resolve().parents[1]
+        chosen = {self.paper, *(row.page for row in self.rows.values() if row.page)}
+        headings = {page: _headings(book / f"{page}.ipynb") for page in chosen}
         return display.index(self.rows.values(), self.page, headings)
-
-    def _pages(self) -> list[str]:
-        """Return the pages that rows of the ledger belong to, the chapter first."""
-        return [*dict.fromkeys([self.paper, *(row.page for row in self.rows.values() if row.page)])]
 
     def claims(self, *prefixes: str) -> Display:
         """Return rows of the file, printed beside computed.
@@ -528,9 +450,8 @@ class Ledger:
         """
         rows = []
         for prefix in prefixes or ("",):
-            found = [
-                row for id, row in self.rows.items() if id.startswith((prefix, f"{self.paper}.{prefix}"))
-            ]
+            starts = (prefix, f"{self.paper}.{prefix}")
+            found = [row for id, row in self.rows.items() if id.startswith(starts)]
             if not found:
                 raise LedgerError(f"{self.paper}: no id starts with {prefix}")
             rows += found
@@ -538,8 +459,10 @@ class Ledger:
 
 
 @contextmanager
-def recording() -> Iterator[list[Ledger]]:
+def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
     """Let ledgers that are opened store what they are given without comparing it; yield these ledgers.
+
+    `printed` returns what they show as the print of a row.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
@@ -547,11 +470,12 @@ def recording() -> Iterator[list[Ledger]]:
     >>> books[0].fresh["demo.kp"].computed
     '1.500000000'
     """
-    Ledger._recorded = []
+    before = Ledger._printed
+    Ledger._recorded, Ledger._printed = [], staticmethod(printed)
     try:
         yield Ledger._recorded
     finally:
-        Ledger._recorded = None
+        Ledger._recorded, Ledger._printed = None, staticmethod(before)
 
 
 def _headings(notebook: Path) -> list[str]:
@@ -561,18 +485,6 @@ def _headings(notebook: Path) -> list[str]:
     return [found for text in texts for found in re.findall(r"^##+ (.+)$", text, re.MULTILINE)]
 
 
-def _entry(record: Any, column: str, start: str) -> Any:
-    """Return a column of a record: its key, attribute, or method without arguments."""
-    if isinstance(record, Mapping):
-        if column not in record:
-            raise LedgerError(f"{start}: the record has no {column!r}, only {', '.join(map(str, record))}")
-        return record[column]
-    if not hasattr(record, column):
-        raise LedgerError(f"{start}: {type(record).__name__} has no {column!r}")
-    value = getattr(record, column)
-    return value() if callable(value) else value
-
-
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Walk nested numbers by their ids."""
     for key, value in values.items():
@@ -580,3 +492,35 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield from _flat(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
+    """Open and validate every ledger of a folder.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
+
+    Returns
+    -------
+    dict of str to Ledger
+        By key of the paper, in alphabetical order. A paper without a file is absent.
+
+    Raises
+    ------
+    LedgerError
+        Listing everything that is wrong with the files.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> load_all(tempfile.mkdtemp())
+    {}
+    """
+    place = find_folder(folder)
+    books = {paper: Ledger.open(paper, folder=place) for paper in papers(place)}
+    problems = [problem for book in books.values() for problem in book.problems()]
+    if problems:
+        raise LedgerError("\n".join(problems))
+    return books

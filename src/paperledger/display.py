@@ -9,19 +9,24 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from paperledger.digits import VERDICTS
 from paperledger.rows import Row
-from paperledger.statements import Evidence, Relation
+from paperledger.verdicts import VERDICTS, Evidence, Relation
 
-KINDS = {  # under what a row is counted: by verdict where the paper's problem decides, else apart
-    **{verdict: verdict for verdict in VERDICTS if verdict != "not-computable"},
-    "fitted-agrees": "agree, settings fitted",
-    "fitted-disagrees": "disagree, settings fitted",
-    "print-agrees": "agree with other print",
-    "print-disagrees": "disagree with other print",
-    "reading": "settled by reading",
-    "not-computable": "not computable",
+GROUPS = {  # how rows are counted: by verdict where the paper's problem decides, otherwise by what they rest on
+    "computed from the paper's problem": {
+        word: word for word in (*VERDICTS, "open") if word != "not-computable"
+    },
+    "with settings fitted to these prints": {
+        "fitted-agrees": "agree, settings fitted",
+        "fitted-disagrees": "disagree, settings fitted",
+    },
+    "from other printed results": {
+        "print-agrees": "agree with other print",
+        "print-disagrees": "disagree with other print",
+    },
+    "by reading": {"reading": "settled by reading", "not-computable": "not computable"},
 }
+KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
 BASIS = {"computed": "", "fitted": "settings fitted", "from-print": "from print", "reading": "by reading"}
 # K_-1, PID_2^2, A_(2m+3), (1 + T s)^n: a letter, capitals or a bracket with an index, an exponent, or both
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
@@ -99,11 +104,6 @@ def number(text: str) -> Cell:
     return Cell(text, escape(text).replace("-", "−"), "number")
 
 
-def chip(verdict: str) -> str:
-    """Return a verdict in its colour, as HTML."""
-    return f'<span class="verdict-{escape(verdict)}">{escape(verdict)}</span>'
-
-
 def grid(
     kind: str,
     header: Sequence[str],
@@ -142,27 +142,25 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 def verdict(row: Row) -> Cell:
     """Make a cell of a verdict, and of its basis where that is not the paper's problem."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, row.basis)
-    below = f' <span class="basis">{escape(basis)}</span>' if basis else ""
-    return Cell(f"{word} ({basis})" if basis else word, chip(word) + below, "verdict text")
-
-
-def anchor(row: Row) -> str:
-    """Return the place of a row on the page with all rows; a dot there would mean something else to a script."""
-    return row.id.replace(".", "-")
+    html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
+    if not basis:
+        return Cell(word, html, "verdict text")
+    return Cell(f"{word} ({basis})", f'{html} <span class="basis">{escape(basis)}</span>', "verdict text")
 
 
 def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
     """Make a cell of a claim and its place; it unfolds to the note. A terminal shows the id, an anchor links to it."""
     text = row.printed if row.is_statement else row.quantity
+    anchor = row.id.replace(".", "-")  # a dot would mean something else to a script
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
         said = "".join(f"<p>{markup(one)}</p>" for one in (row.note, *row.made.split(" | ")) if one)
         if anchored:  # what to copy
             cite = f"To cite: row {escape(row.id)} of the account of pidalab"
-            said += f'<p class="row-cite">{cite}, <a href="#{anchor(row)}">with this address</a></p>'
+            said += f'<p class="row-cite">{cite}, <a href="#{anchor}">with this address</a></p>'
         html = f"<details><summary>{html}</summary>{said}</details>"
     if anchored:
-        html += f' <a class="row-id" id="{anchor(row)}" href="#{anchor(row)}">{escape(row.id)}</a>'
+        html += f' <a class="row-id" id="{anchor}" href="#{anchor}">{escape(row.id)}</a>'
     return Cell(f"{row.id}: {text} ({row.where})", html, "claim text")
 
 
@@ -178,27 +176,30 @@ def evidence(row: Row, span: int = 1) -> Cell:
     return Cell("; ".join([first, *rest]), f"{markup(first)}{below}", "evidence text", span)
 
 
-def claims(rows: Sequence[Row], anchors: bool = False) -> Display:
-    """Show rows of a ledger: a number in units of the last printed place off its print, a statement by its evidence."""
+def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Display:
+    """Show rows of a ledger: a number in units of the last printed place off its print, a statement by its evidence.
+
+    With `why` the notes stand in a column of their own and the verdicts are left out; else a claim unfolds to its note.
+    """
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
-    cells = [[verdict(row), claim(row, anchored=anchors), *_found(row, len(last))] for row in rows]
+    cells = []
+    for row in rows:
+        found = [evidence(row, len(last))] if row.is_statement else _numbers(row)
+        named = claim(row, unfold=not why, anchored=anchors)
+        cells.append([named, *found, words(row.note)] if why else [verdict(row), named, *found])
+    if why:
+        return grid("claims", ["claim", *last, "why"], cells)
     return grid("claims", ["verdict", "claim", *last], cells, 1, [row.note for row in rows])
 
 
-def _found(row: Row, columns: int) -> list[Cell]:
-    if row.is_statement:
-        return [evidence(row, columns)]
+def _numbers(row: Row) -> list[Cell]:
     off = row.difference()
-    return [
-        number(row.printed),
-        number(row.shown() or "—"),
-        number("—" if off is None else f"{off:+z.1f}"),
-    ]
+    return [number(row.printed), number(row.shown() or "—"), number("—" if off is None else f"{off:+z.1f}")]
 
 
 def score(rows: Iterable[Row]) -> dict[str, int]:
-    """Count rows by the keys of `KINDS`; ``open`` last, if some rows have no verdict yet."""
+    """Count rows by the keys of `KINDS`; ``open`` are rows without a verdict."""
     return {**dict.fromkeys(KINDS, 0), **Counter(map(_kind, rows))}
 
 
@@ -237,17 +238,14 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-OUTCOMES = {  # of one row, and of several, where the word of the verdict would mislead
-    "last-digit": ("a unit off", "a unit off"),
-    "approximate": ("within tolerance", "within tolerance"),
-    "misprint": ("misprint", "misprints"),
-    "as-read": ("does not hold as read", "do not hold as read"),
-    "differs": ("differs", "differ"),
-    "not-computable": ("not computable", "not computable"),
-    "holds-in-part": ("holds in part", "hold in part"),
-    "holds": ("holds", "hold"),
-    "fails": ("fails", "fail"),
-}
+# where the word of the verdict would mislead, and the first words that change for several rows
+OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "does not hold as read"}
+PLURALS = {"misprint": "misprints", "does": "do", "differs": "differ", "holds": "hold", "fails": "fail"}
+
+
+def _words(verdict: str, count: int) -> str:
+    first, *rest = OUTCOMES.get(verdict, verdict.replace("-", " ")).split()
+    return " ".join([PLURALS.get(first, first) if count > 1 else first, *rest])
 
 
 def outcome(rows: Sequence[Row]) -> str:
@@ -260,15 +258,13 @@ def outcome(rows: Sequence[Row]) -> str:
     counts = Counter(row.verdict or "open" for row in rows)
     fitted = ", settings fitted" if any(row.basis == "fitted" for row in rows) else ""
     if len(rows) == 1:
-        (verdict,) = counts
-        return OUTCOMES.get(verdict, (verdict, ""))[0] + fitted
+        return _words(next(iter(counts)), 1) + fitted
     good = counts.pop("reproduced", 0) + counts.pop("holds", 0)
     if good == len(rows):
         return f"all {good}{fitted}"
-    others = [
-        f"{count} {OUTCOMES.get(verdict, (verdict, verdict))[count > 1]}" for verdict, count in counts.items()
-    ]
-    return ", ".join([*([f"{good} of {len(rows)}"] if good else []), *others]) + fitted
+    parts = [f"{good} of {len(rows)}"] if good else []
+    parts += [f"{count} {_words(verdict, count)}" for verdict, count in counts.items()]
+    return ", ".join(parts) + fitted
 
 
 def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]]) -> Display:
@@ -283,12 +279,11 @@ def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]])
         name = "the chapter" if "/" not in place else "its evidence"
         heading = next((one for one in headings.get(place, ()) if _names(one, item)), "")
         where = Cell("by reading", "by reading")
-        if place:
-            target = f"{'../' * page.count('/')}{place}.html" if place != page else ""
-            html = f'<a href="{target}#{slug(heading)}">{markup(heading)}</a>' if heading else name
-            if not heading and target:
-                html = f'<a href="{target}">{name}</a>'
-            where = Cell(heading or name, html)
+        target = f"{'../' * page.count('/')}{place}.html" if place != page else ""
+        if heading:
+            where = Cell(heading, f'<a href="{target}#{slug(heading)}">{markup(heading)}</a>')
+        elif place:
+            where = Cell(name, f'<a href="{target}">{name}</a>' if target else name)
         cells.append([words(item), where, words(outcome(some))])
     return grid("index", ("printed item", "where", "outcome"), cells)
 

@@ -7,29 +7,24 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, fields, replace
 from decimal import Decimal
+from math import isfinite
 from pathlib import Path
-from typing import Self
 
-from paperledger import digits
-from paperledger.digits import AGREEING, BASES, DECLARED, LedgerError
-from paperledger.statements import ROUNDING, Evidence, Relation
+from paperledger import verdicts
+from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerError, Relation
 
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the frozen list of claims, beside the ledgers
 REMOVED = "removed.csv"  # ids that are never used again, and why
 IDENTITY = 1e-9  # largest relative residual of two formulas that are called the same, without a note
 ROUGHEST = 1e-6  # and with one
-WORDS = 5  # of a note that carries a verdict; a reason is a sentence
+WORDS = 5  # fewest words of a note that carries a verdict
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
-
-
-STAYS = {
-    "page": "a formula of the page made it",
-    "count": "a whole number, or a place on a grid, that a small change does not reach",
-}
-_FIT = re.compile(r"(\d{1,9}) settings? from (\d{1,9}) numbers?: (.+)", re.ASCII)
+_MADE = re.compile(
+    r"(fit: [1-9]\d{0,8} settings? from [1-9]\d{0,8} numbers?: \w[^|]*)?(?:(?:^| \| )(page|count): \w[^|]*)?"
+)
 
 
 @contextmanager
@@ -41,81 +36,21 @@ def naming(id: str) -> Iterator[None]:
         raise LedgerError(f"{id}: {error}") from None
 
 
-@dataclass(frozen=True)
-class Making:
-    """The content of the column ``made``: how a value came about.
+def making(text: str) -> tuple[bool, str]:
+    """Read the column ``made``: whether settings were fitted, and why the value does not move with the library.
 
-    Parameters
-    ----------
-    settings, numbers : int
-        How many settings were found by trying, and from how many printed numbers; 0, where none were.
-    fitted : str
-        Which settings, and from which prints.
-    stays : str
-        A key of `STAYS`, or empty.
-    reason : str
-        Which function or formula of the page, or what is counted.
+    The reason is ``page`` (a formula of the page made it), ``count`` (a whole number, or a place on a grid that a small
+    change does not reach), or empty.
 
-    Examples
-    --------
-    >>> made = Making.parse("fit: 1 setting from 7 numbers: T_F, from Table 3 | count: samples of a record")
-    >>> made.settings, made.numbers, made.fitted, made.stays
-    (1, 7, 'T_F, from Table 3', 'count')
+    >>> making("fit: 1 setting from 7 numbers: T_F, from Table 3 | count: samples of a record")
+    (True, 'count')
     """
-
-    settings: int = 0
-    numbers: int = 0
-    fitted: str = ""
-    stays: str = ""
-    reason: str = ""
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read the column.
-
-        Parameters
-        ----------
-        text : str
-            The column ``made``; often empty.
-
-        Returns
-        -------
-        Making
-
-        Raises
-        ------
-        LedgerError
-            If it says something else.
-
-        Examples
-        --------
-        >>> Making.parse("page: time_constant").stays
-        'page'
-        >>> Making.parse("page: a | count: b")
-        Traceback (most recent call last):
-        paperledger.digits.LedgerError: made 'page: a | count: b' gives two reasons why the value stays; one is enough
-        """
-        parts = [part.strip() for part in text.split(" | ")] if text else []
-        said: dict[str, str] = {}
-        for part in parts:
-            kind, colon, words = part.partition(": ")
-            if not (colon and words.strip()) or kind in said or kind not in ("fit", *STAYS):
-                raise LedgerError(
-                    f"made {text!r} does not read like 'page: <function>', 'count: <what is counted>' or "
-                    "'fit: 3 settings from 70 numbers: <which, from which prints>'"
-                )
-            said[kind] = words
-        fit = said.pop("fit", "")
-        found = _FIT.fullmatch(fit)
-        if fit and not (found and int(found[1]) and int(found[2])):
-            raise LedgerError(
-                f"fit {fit!r} does not read like '3 settings from 70 numbers: T_F, from Table 3'"
-            )
-        if len(said) > 1:
-            raise LedgerError(f"made {text!r} gives two reasons why the value stays; one is enough")
-        stays, reason = next(iter(said.items()), ("", ""))
-        settings, numbers, fitted = found.groups() if found else (0, 0, "")
-        return cls(int(settings), int(numbers), fitted, stays, reason)
+    found = _MADE.fullmatch(text)
+    if not found:
+        raise LedgerError(
+            f"made {text!r} is none of 'page: …', 'count: …', 'fit: 3 settings from 7 numbers: …'"
+        )
+    return found[1] is not None, found[2] or ""
 
 
 @dataclass(frozen=True)
@@ -141,8 +76,7 @@ class Row:
     page : str, optional
         The notebook that hands the row over, its path below ``book`` without suffix; empty when settled by reading.
     made : str, optional
-        Which settings were fitted to which prints, and why the value stays when the library is slightly off; see
-        `Making`.
+        Which settings were fitted to which prints, and why the value stays when the library is slightly off.
     relation : str, optional
         What a statement asks for; see `Relation`.
     evidence : str, optional
@@ -202,7 +136,7 @@ class Row:
         0.005
         """
         with naming(self.id):
-            return float(digits.unit(digits.read_number(self.printed)) / 2)
+            return float(verdicts.unit(verdicts.read_number(self.printed)) / 2)
 
     def derived(self) -> str | None:
         """Return the verdict that follows from the entries, None if they disagree.
@@ -227,7 +161,7 @@ class Row:
         with naming(self.id):
             if self.is_statement:
                 return Evidence.parse(self.evidence).verdict
-            return digits.derive(self.printed, self.computed, self.note)
+            return verdicts.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
         """Return computed minus printed in units of the last printed place, None where there is no number.
@@ -241,8 +175,7 @@ class Row:
         >>> Row("demo.kp", "Table 1", "gain", printed="1.30", computed="1.3125").difference()
         Decimal('1.25')
         """
-        with naming(self.id):
-            return digits.difference(self.printed, self.computed) if self.is_number else None
+        return verdicts.difference(self.printed, self.computed) if self.is_number else None
 
     def shown(self) -> str:
         """Return the computed entry, a number rounded for a reader to two digits more than printed.
@@ -256,8 +189,38 @@ class Row:
         >>> Row("demo.kp", "Table 1", "gain", printed="1.31", computed="1.309812345").shown()
         '1.3098'
         """
+        return verdicts.show(self.printed, self.computed) if self.is_number else self.computed
+
+    def with_number(self, value: object, digits: int = verdicts.DIGITS) -> "Row":
+        """Return the row with a number that a run computed, written with so many significant digits.
+
+        Parameters
+        ----------
+        value : number
+            A finite one.
+        digits : int, optional
+            Significant digits to keep.
+
+        Returns
+        -------
+        Row
+
+        Raises
+        ------
+        LedgerError
+            If the value is not a finite number.
+
+        Examples
+        --------
+        >>> Row("demo.kp", "Table 1", "gain", "1.31").with_number(1.30981234567).computed
+        '1.309812346'
+        """
         with naming(self.id):
-            return digits.show(self.printed, self.computed) if self.is_number else self.computed
+            number = float(verdicts.plain(value))
+            if not isfinite(number):
+                raise LedgerError(f"expected a finite number, found {number}")
+            floor = verdicts.exponent(verdicts.read_number(self.printed)) - verdicts.DIGITS
+            return replace(self, computed=verdicts.write(number, floor, digits))
 
     def same(self, fresh: "Row") -> bool:
         """Tell whether a fresh row says what this one says, to one unit in its last stored place.
@@ -281,11 +244,11 @@ class Row:
         if not self.found:
             return False
         if not self.is_statement:
-            return digits.agrees(fresh.computed, self.computed)
+            return verdicts.agrees(fresh.computed, self.computed)
         old, new = Evidence.parse(self.evidence), Evidence.parse(fresh.evidence)
         if Relation.parse(self.relation).is_identity and old.verdict == new.verdict == "holds":
             return old.right == new.right  # the size of a rounding error depends on the machine
-        return digits.same_text(self.evidence, fresh.evidence)
+        return verdicts.same_text(self.evidence, fresh.evidence)
 
     def disagreement(self) -> str | None:
         """Say why the verdict does not follow from the entries, None if it does.
@@ -325,82 +288,63 @@ class Row:
         >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.900000000", "misprint", page="demo").problems()
         ['demo.kp: misprint needs a note of at least 5 words']
         """
-        found = [f"{self.id}: {problem}" for problem in self._malformed()]
+        found = []
+        try:
+            for problem in self._malformed():
+                found.append(f"{self.id}: {problem}")
+        except LedgerError as error:
+            found.append(f"{self.id}: {error}")
         disagreement = None if found or self.basis == "reading" else self.disagreement()
         return [*found, disagreement] if disagreement else found
 
     def _malformed(self) -> Iterator[str]:
-        """List entries that are missing, malformed or not allowed."""
+        """List entries that are missing, malformed or not allowed; raise at one that cannot be read."""
         reading, statement = self.basis == "reading", ("relation", "evidence")
         computing = ("computed", "page", *(statement if self.is_statement else ()))
         needed = ("where", "quantity", "printed", *(() if reading else computing))
-        barred = (
-            ("computed", "page", "made", *statement) if reading else () if self.is_statement else statement
-        )
+        barred = ("computed", "page", "made", *statement) if reading else statement
         if not _ID.fullmatch(self.id):
             yield "an id is lower case and dotted, such as haalman2024.ex1.pida.kp"
         if self.basis not in BASES:
             yield f"unknown basis {self.basis!r}; one of {', '.join(BASES)}"
         yield from (f"{name!r} is empty" for name in needed if not getattr(self, name).strip())
-        kind = "settled by reading" if reading else "a number"
-        yield from (f"{kind}, but {name!r} is not empty" for name in barred if getattr(self, name))
+        if reading or not self.is_statement:
+            kind = "settled by reading" if reading else "a number"
+            yield from (f"{kind}, but {name!r} is not empty" for name in barred if getattr(self, name))
         if self.verdict == "not-computable" and not reading:
             yield "not-computable, so its basis is reading"
         if reading and self.verdict not in ("holds", "holds-in-part", "fails", *DECLARED):
             yield f"settled by reading cannot be {self.verdict or 'left without a verdict'}"
-        if (reading or self.verdict in DECLARED) and len(self.note.split()) < WORDS:
-            yield f"{self.verdict} needs a note of at least {WORDS} words"
-        yield from self._badly_made()
-        if self.relation:
-            try:
-                relation = Relation.parse(self.relation)
-            except LedgerError as error:
-                yield str(error)
-            else:
-                if relation.parts and len(self.note.split()) < WORDS:
-                    yield f"holds-in-part needs a note of at least {WORDS} words"
-                if relation.is_identity and float(relation.right) > IDENTITY and not self.note:
-                    yield f"a tolerance above {IDENTITY:g} needs a note that says why"
-                if relation.is_identity and float(relation.right) > ROUGHEST:
-                    yield f"a residual above {ROUGHEST:g} is not rounding; compare two sides by another relation"
-        if self.is_statement and not reading and self.evidence and not self.relation.endswith(ROUNDING):
-            yield from self._undecided()
-
-    def _undecided(self) -> Iterator[str]:
-        """List inequalities whose sides are the same real number, which compare nothing."""
-        try:
-            kept = Evidence.parse(self.evidence)
-        except LedgerError:  # `derived` says so
-            return
-        for one in kept.inequalities:
-            if one.left == one.right and "." in one.left and not one.factor:
-                yield f"both sides are {one.left}, so nothing was compared"
-
-    def _badly_made(self) -> Iterator[str]:
-        """List what is wrong with the column ``made``."""
-        try:
-            made = Making.parse(self.made)
-        except LedgerError as error:
-            yield str(error)
-            return
-        if self.basis == "fitted" and not made.settings:
-            yield "fitted, so 'made' says how many settings from how many numbers: 'fit: 3 settings from 70 numbers: …'"
-        if made.settings and self.basis != "fitted":
-            yield f"'made' says what was fitted, so its basis is fitted, not {self.basis}"
+        relation = Relation.parse(self.relation) if self.relation else None
+        in_part = relation is not None and relation.parts
+        if (reading or in_part or self.verdict in DECLARED) and len(self.note.split()) < WORDS:
+            yield f"{'holds-in-part' if in_part else self.verdict} needs a note of at least {WORDS} words"
+        if making(self.made)[0] != (self.basis == "fitted"):
+            yield "'made' says what was fitted ('fit: 3 settings from 70 numbers: …') if the basis is fitted, else not"
+        if relation and relation.is_identity:
+            if float(relation.right) > IDENTITY and not self.note:
+                yield f"a tolerance above {IDENTITY:g} needs a note that says why"
+            if float(relation.right) > ROUGHEST:
+                yield f"a residual above {ROUGHEST:g} is not rounding; compare two sides by another relation"
+        elif relation and self.evidence:
+            for one in Evidence.parse(self.evidence).inequalities:
+                if one.left == one.right and "." in one.left and not one.factor:
+                    yield f"both sides are {one.left}, so nothing was compared"
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
 
 
-def find_folder() -> Path:
-    """Search for ``book/ledger`` in the current directory and above it."""
+def find_folder(folder: Path | str | None = None) -> Path:
+    """Return a folder of ledgers; by default search for ``book/ledger`` in the current directory and above it."""
+    if folder is not None:
+        return Path(folder)
     here = Path.cwd()
     for parent in (here, *here.parents):
         if (parent / FOLDER).is_dir():
             return parent / FOLDER
     raise LedgerError(
-        f"no folder {FOLDER.as_posix()} in {here} or above it; the ledgers come with a clone of the book, not with the "
-        "installed library"
+        f"no folder {FOLDER.as_posix()} in {here} or above it; the ledgers come with a clone of the book"
     )
 
 
@@ -442,15 +386,12 @@ def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
         except (csv.Error, UnicodeDecodeError) as error:
             raise LedgerError(f"{path.name}: {error}") from None
     if header != [*columns]:
-        raise LedgerError(
-            f"{path.name}: expected the columns {', '.join(columns)}, found {', '.join(header)!r:.200}"
-        )
+        wrong = f"expected the columns {', '.join(columns)}, found {', '.join(header)!r:.200}"
+        raise LedgerError(f"{path.name}: {wrong}")
     for line in lines:
         if len(line) != len(columns) or not all(map(str.isprintable, line)):
-            raise LedgerError(
-                f"{path.name}: expected {len(columns)} entries on one line, of printable characters, "
-                f"found {line}"
-            )
+            wrong = f"expected {len(columns)} entries on one line, of printable characters, found {line}"
+            raise LedgerError(f"{path.name}: {wrong}")
     return lines
 
 
@@ -525,8 +466,10 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
     write_text(path, table(COLUMNS, (astuple(row) for row in rows)))
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file in UTF-8, completely or not at all."""
+def write_text(path: Path, text: str) -> bool:
+    """Write a file in UTF-8, completely or not at all; return False if it has this text already."""
+    if path.is_file() and path.read_bytes() == text.encode():
+        return False
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with beside.open("w", encoding="utf-8", newline="") as file:
@@ -534,6 +477,6 @@ def write_text(path: Path, text: str) -> None:
             file.flush()
             os.fsync(file.fileno())
         beside.replace(path)
-    except BaseException:
+    finally:
         beside.unlink(missing_ok=True)
-        raise
+    return True

@@ -3,7 +3,6 @@
 import ast
 import contextlib
 import json
-import os
 import re
 import sys
 import warnings
@@ -12,10 +11,11 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 from paperledger.book import Ledger, recording
-from paperledger.digits import DECLARED, LedgerError
 from paperledger.rows import MANIFEST, Row, book_title, find_folder, naming, write_rows, write_text
+from paperledger.verdicts import DECLARED, LedgerError
 
 
 def pages(paper: str, folder: Path) -> list[Path]:
@@ -39,35 +39,21 @@ def execute(path: Path) -> Iterator[str]:
     In this process, not in a kernel as nbclient would: it takes what a page hands over as objects, keeps the type of an
     error, and runs with a library that was changed while it was imported. So a ledger needs no Jupyter.
     """
-    backend = os.environ.get("MPLBACKEND")
-    os.environ["MPLBACKEND"] = "Agg"
-    if "matplotlib.pyplot" in sys.modules:
-        sys.modules["matplotlib.pyplot"].switch_backend("Agg")
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
-    with contextlib.chdir(here):
-        sys.path.insert(0, here)
-        try:
-            for number, source in enumerate(sources, start=1):
-                if source.lstrip().startswith("%%"):
-                    raise LedgerError(
-                        f"{path.name}, cell {number}: a cell magic decides whether the cell runs"
-                    )
-                tree, last = ast.parse(source), None
-                if tree.body and isinstance(tree.body[-1], ast.Expr):
-                    last = ast.Expression(tree.body.pop().value)  # type: ignore[attr-defined]
-                with contextlib.redirect_stdout(StringIO()) as said, warnings.catch_warnings():
-                    warnings.filterwarnings("ignore", message=".*non-interactive.*")
-                    exec(compile(tree, f"{path.name}, cell {number}", "exec"), names)
-                    value = last and eval(compile(last, f"{path.name}, cell {number}", "eval"), names)
-                yield said.getvalue() + ("" if value is None else repr(value))
-        finally:
-            os.environ.pop("MPLBACKEND", None)
-            if backend is not None:  # kernels that this process starts later draw as they would have
-                os.environ["MPLBACKEND"] = backend
-            sys.path.remove(here)
-            if "matplotlib.pyplot" in sys.modules:
-                sys.modules["matplotlib.pyplot"].close("all")
+    with contextlib.chdir(here), patch("sys.path", [here, *sys.path]):
+        for number, source in enumerate(sources, start=1):
+            title = f"{path.name}, cell {number}"
+            tree, last = ast.parse(source, title), None
+            if tree.body and isinstance(tree.body[-1], ast.Expr):
+                last = ast.Expression(tree.body.pop().value)  # type: ignore[attr-defined]
+            with contextlib.redirect_stdout(StringIO()) as said, warnings.catch_warnings():
+                warnings.filterwarnings("ignore", message=".*non-interactive.*")
+                exec(compile(tree, title, "exec"), names)
+                value = last and eval(compile(last, title, "eval"), names)
+            yield said.getvalue() + ("" if value is None else repr(value))
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 class Update(NamedTuple):
@@ -111,8 +97,8 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     Raises
     ------
     LedgerError
-        If no page opens the ledger, a page closes it under another name than its own, an id is unknown, or what is
-        handed over does not fit its row. Nothing is stored then.
+        If no page opens the ledger, an id is unknown, or what is handed over does not fit its row. Nothing is stored
+        then.
 
     Examples
     --------
@@ -129,7 +115,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     demo.kp: verdict '' -> 'reproduced'
     demo.kp: page '' -> 'demo'
     """
-    place = Path(folder) if folder is not None else find_folder()
+    place = find_folder(folder)
     found = pages(paper, place)
     if not found:
         raise LedgerError(f'no notebook has Ledger.open("{paper}")')
@@ -138,10 +124,6 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
         with recording() as opened:
             for _ in execute(path):
                 pass
-        name = path.relative_to(place.parent).with_suffix("").as_posix()
-        for book in opened:
-            if book.closed and book.page != name:
-                raise LedgerError(f"{name} closes the ledger as page {book.page!r}")
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
     for book in sorted(books, key=lambda book: not book.closed):  # the first that closes it owes a row

@@ -1,29 +1,40 @@
 """Change every number that a library returns by a few parts in 100,000, and see which rows of a ledger change.
 
-A page that takes a number from a paper, or from a ledger, still has the same number then. A page that takes it from the
-library has another one. `Shaker` changes the modules of a package while they are imported; their files stay.
+A page that takes a number from a paper or from a ledger still has the same number then. A page that takes it from the
+library has another one. A row that does not change was copied, or its column ``made`` says why.
 
-Only the result of the outermost call is changed. Calls within the package are exact, so that searches converge, and so
-is compiled code. The change is not a common factor: quotients of two results change as well.
+Notes
+-----
+State: `Shaker` counts in ``_inside`` how many calls into the package are open. Its doors replace every public function,
+method and property of the package, wherever a module of the package holds it; they wrap the originals, whose code
+stays.
 
-A row that does not change was copied, or its column ``made`` says why.
+Invariant: a door changes its result only where it opens the outermost call (``_inside`` is 0 before it and after it).
+Everything within is exact: searches converge, and a number is changed once, not once for each function that it passes.
+Constructors and operators are walls: exact themselves, and inside them every door is.
+
+The change of a number x is a relative one, ``SIZE * (4 + 2 sin(phase + log|x|))``, where the phase depends on the door.
+It is deterministic, between 2 and 6 times ``SIZE``, and not a common factor: quotients of two results change as well.
+Whole numbers, 0 and infinities stay.
+
+Prints are changed in the same way, by a thousand times less, when a page reads them as numbers. So the size of a change
+shows where a number comes from: none (copied), as prints change (from print), or as the library does (computed). Pages
+with rows that are called computed also run with changed prints and an exact library; these rows must not change then.
 """
 
-import ast
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import wraps
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from functools import cached_property, partial, wraps
+from importlib import import_module
 from inspect import isgenerator
 from math import isfinite, isinf, log, sin
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from pathlib import Path
+from pkgutil import walk_packages
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any
 from zlib import crc32
@@ -31,20 +42,17 @@ from zlib import crc32
 import numpy as np
 
 from paperledger.book import Ledger, recording
-from paperledger.digits import DIGITS, LedgerError, exponent, read_number, write
-from paperledger.rows import Making, Row, find_folder, papers
+from paperledger.rows import Row, find_folder, making, papers
 from paperledger.running import execute, pages
-from paperledger.statements import Evidence, Relation
+from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, exponent, read_number, write
 
 SIZE = 1e-5  # a number is off by two to six times this
 PRINTS = 1e-3  # what a page reads in print is off by so much less
-CACHED = "cached_property"
-SHOWN = ("__call__",)  # of the names with underscores these are doors
-LEFT = ("setter", "deleter", "overload", "contextmanager")  # decorators of what is no door
-Off = Callable[[Any, str], Any]
 COPIED = 1e-9  # relative: less is the rounding of a stored number
 PRINTED = 1e-6  # prints move a row by 4e-8, perhaps a few times that; the library by 2e-6 at least
 WORKERS = 2
+Off = Callable[[Any, str], Any]
+Runs = Mapping[str, "Run"]  # by page
 Handed = dict[str, tuple[Row, int]]  # by id: the row, and the cell that handed it over
 
 
@@ -63,12 +71,6 @@ class Shaker:
     whole : dict of str to function, optional
         By the name of a class of the package, how to shake an object of it as a whole: a function of the object and of
         `off`. By default all of its fields are shaken, each by itself.
-    compiled : frozenset of str, optional
-        Decorators of functions that are compiled, which stay as they are.
-    left : frozenset of str, optional
-        Names of classes of the package whose objects stay as they are, such as compiled functions.
-    size : float, optional
-        How much.
     only_prints : bool, optional
         Leave the library exact, and shake what pages read in print: what is called computed has to stay.
 
@@ -85,11 +87,7 @@ class Shaker:
     exact: frozenset[str] = frozenset()
     fields: frozenset[str] = frozenset()
     whole: Mapping[str, Callable[[Any, Off], Any]] = field(default_factory=dict)
-    compiled: frozenset[str] = frozenset()
-    left: frozenset[str] = frozenset()
-    size: float = SIZE
     only_prints: bool = False
-    used: set[str] = field(default_factory=set)
     _inside: int = 0
 
     # ------------------------------------------------------------------------------------------------ numbers
@@ -129,10 +127,8 @@ class Shaker:
     def _compound(self, value: Any, key: str, seen: dict[int, Any]) -> Any:
         if isinstance(value, np.ndarray):
             return self._array(value, key, seen)
-        if isinstance(value, dict):
-            return type(value)((name, self._walk(one, key, seen)) for name, one in value.items())
-        if isinstance(value, MappingProxyType):
-            return MappingProxyType({name: self._walk(one, key, seen) for name, one in value.items()})
+        if isinstance(value, dict | MappingProxyType):
+            return type(value)({name: self._walk(one, key, seen) for name, one in value.items()})
         if isinstance(value, tuple | list | set | frozenset):
             parts = [self._walk(one, key, seen) for one in value]
             return type(value)(*parts) if hasattr(value, "_fields") else type(value)(parts)
@@ -141,38 +137,36 @@ class Shaker:
             return numeric(lambda one: self._walk(one, key, seen))
         if isinstance(value, FunctionType):
             return self.door(value)
+        if hasattr(value, "__wrapped__"):  # a compiled function
+            return value
         if isgenerator(value):
             return (self._walk(one, key, {}) for one in value)
         package = type(value).__module__.partition(".")[0]
-        if package == self.package and hasattr(value, "__dict__") and type(value).__name__ not in self.left:
+        if package == self.package and hasattr(value, "__dict__"):
             return self._object(value, key, seen)
         return value
 
     def _array(self, value: np.ndarray, key: str, seen: dict[int, Any]) -> np.ndarray:
         if value.dtype == object:
-            return np.array([self._walk(one, key, seen) for one in value.ravel()], object).reshape(
-                value.shape
-            )
+            flat = [self._walk(one, key, seen) for one in value.ravel()]
+            return np.array(flat, object).reshape(value.shape)
         if value.dtype.kind not in "fc":
             return value
         size = np.abs(value)
         live = np.isfinite(value) & (size > 0)
         found = np.array(value)
         found[live] *= 1 + self._part(key, np.log(size[live]))
-        found.setflags(write=value.flags.writeable)
         return found
 
     def _object(self, value: Any, key: str, seen: dict[int, Any]) -> Any:
         for kind in type(value).__mro__:
-            if kind.__name__ in self.whole:
-                return self.whole[kind.__name__](
-                    value, lambda one, name: self._walk(one, f"{key}.{name}", seen)
-                )
+            if whole := self.whole.get(kind.__name__):
+                return whole(value, lambda one, name: self._walk(one, f"{key}.{name}", seen))
         found = object.__new__(type(value))
         seen[id(value)] = found, value
         for name, one in value.__dict__.items():
-            if isinstance(getattr(type(value), name, None), _CachedDoor):
-                continue  # to be found anew
+            if isinstance(getattr(type(value), name, None), property):
+                continue  # a cached value, to be found anew
             kept = name in self.fields
             found.__dict__[name] = one if kept else self._walk(one, f"{key}.{name}", seen)
         return found
@@ -180,17 +174,23 @@ class Shaker:
     def _part(self, key: str, place: Any) -> Any:
         """Return a relative perturbation, different for each function."""
         phase = crc32(key.encode()) % 6283 / 1000
-        return self.size * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
+        return SIZE * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 
     # ------------------------------------------------------------------------------------------------ doors
 
-    def door(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function whose result is changed if it is the outermost call."""
-        key = f"{function.__module__}.{function.__qualname__}"
+    def door(
+        self, function: Callable[..., Any], call: Callable[..., Any] | None = None
+    ) -> Callable[..., Any]:
+        """Return a function whose result is changed if it is the outermost call; `call` may do the work for it."""
+        key, work = f"{function.__module__}.{function.__qualname__}", call or function
+        exact = self.wall(work)
 
         @wraps(function)
         def through(*args: Any, **options: Any) -> Any:
-            return self._leave(key, lambda: function(*args, **options))
+            if self._inside:
+                return work(*args, **options)
+            found = exact(*args, **options)
+            return found if key in self.exact else self.off(found, key)
 
         return through
 
@@ -207,118 +207,41 @@ class Shaker:
 
         return within
 
-    def _leave(self, key: str, call: Callable[[], Any]) -> Any:
-        if self._inside:
-            return call()
-        if key in self.exact:
-            return self.wall(call)()
-        self.used.add(key)
-        self._inside += 1
-        try:
-            found = call()
-        finally:
-            self._inside -= 1
-        return self.off(found, key)
+    def put_doors(self) -> None:
+        """Import the whole package, and put a door or a wall wherever a page can enter it."""
+        package = import_module(self.package)
+        for found in walk_packages(getattr(package, "__path__", ()), f"{self.package}."):
+            if not found.name.endswith(".__main__"):
+                import_module(found.name)
+        doors: dict[int, Any] = {}  # by the original, which several modules may hold
+        for module in [m for name, m in sys.modules.items() if name.partition(".")[0] == self.package]:
+            for name, value in [*vars(module).items()]:
+                home = getattr(value, "__module__", None) or ""
+                if home.partition(".")[0] != self.package or "._" in home or name.startswith("_"):
+                    continue
+                if isinstance(value, type) and id(value) not in doors:
+                    doors[id(value)] = value
+                    self._put_doors_on(value)
+                elif isinstance(value, FunctionType) or hasattr(value, "cache_info"):
+                    setattr(module, name, doors.setdefault(id(value), self.door(value)))
 
-    @contextmanager
-    def shaking(self) -> Iterator[None]:
-        """Import the package with doors; it must not have been imported before."""
-        if self.package in sys.modules:
-            raise ImportError(f"{self.package} was imported before it could be shaken")
-        finder = _Finder(self)
-        sys.meta_path.insert(0, finder)
-        try:
-            yield
-        finally:
-            sys.meta_path.remove(finder)
-
-
-class _CachedDoor:
-    """A cached property that stores the exact value and returns a changed one outside the package."""
-
-    def __init__(self, shaker: Shaker, function: Callable[[Any], Any]) -> None:
-        self.shaker, self.function, self.name = shaker, function, function.__name__
-        self.__doc__ = function.__doc__
-
-    def __get__(self, instance: Any, owner: type | None = None) -> Any:
-        if instance is None:
-            return self
-
-        def exact() -> Any:
-            if self.name not in instance.__dict__:
-                instance.__dict__[self.name] = self.function(instance)
-            return instance.__dict__[self.name]
-
-        return self.shaker._leave(f"{self.function.__module__}.{self.function.__qualname__}", exact)
-
-    def __set__(self, instance: Any, value: Any) -> None:
-        instance.__dict__[self.name] = value
-
-
-class _Doors(ast.NodeTransformer):
-    """Put a door on each public function, method and property of a module; functions in functions are private."""
-
-    def __init__(self, shaker: Shaker) -> None:
-        self.compiled, self.left = shaker.compiled, shaker.left
-
-    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
-        return node if node.name in self.left else self.generic_visit(node)
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-        words = [ast.unparse(one) for one in node.decorator_list]
-        heads = {word.partition("(")[0].rpartition(".")[2] for word in words}
-        if heads & {*self.compiled, *LEFT}:
-            return node
-        if node.name.startswith("__") and node.name not in SHOWN and not words:
-            node.decorator_list = [ast.Name("__wall__", ast.Load())]
-        elif node.name.startswith("_") and node.name not in SHOWN:
-            return node
-        elif CACHED in heads:
-            node.decorator_list = [ast.Name("__cached_door__", ast.Load())]
-        else:  # outside of a cache, else inside of all
-            place = 0 if any("cache" in head for head in heads) else len(words)
-            node.decorator_list.insert(place, ast.Name("__door__", ast.Load()))
-        return ast.fix_missing_locations(node)
-
-
-class _Loader(SourceFileLoader):
-    """Load a module with doors, without writing byte code."""
-
-    shaker: Shaker
-
-    def get_code(self, fullname: str) -> Any:
-        path = self.get_filename(fullname)
-        tree = ast.parse(self.get_data(path))
-        if not any(part.startswith("_") for part in fullname.split(".")):  # else it is nobody's door
-            tree = _Doors(self.shaker).visit(tree)
-        return compile(tree, path, "exec", dont_inherit=True)
-
-    def exec_module(self, module: ModuleType) -> None:
-        shaker = self.shaker
-        module.__dict__["__door__"] = shaker.door
-        module.__dict__["__wall__"] = shaker.wall
-        module.__dict__["__cached_door__"] = lambda function: _CachedDoor(shaker, function)
-        shaker._inside += 1  # what the package gives to itself while it is imported
-        try:
-            super().exec_module(module)
-        finally:
-            shaker._inside -= 1
-            for name in ("__door__", "__wall__", "__cached_door__"):  # no page sees that it is shaken
-                del module.__dict__[name]
-
-
-class _Finder(MetaPathFinder):
-    def __init__(self, shaker: Shaker) -> None:
-        self.shaker = shaker
-
-    def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
-        if fullname.partition(".")[0] != self.shaker.package:
-            return None
-        spec = PathFinder.find_spec(fullname, path, target)
-        if spec and isinstance(spec.loader, SourceFileLoader):
-            spec.loader = _Loader(spec.loader.name, spec.loader.path)
-            spec.loader.shaker = self.shaker
-        return spec
+    def _put_doors_on(self, kind: type) -> None:
+        """Put doors on the public methods and properties of a class, and walls on its constructor and operators."""
+        for name, value in [*vars(kind).items()]:
+            new: Any = None
+            if name.startswith("_") and name != "__call__":
+                written = isinstance(value, FunctionType) and value.__code__.co_filename != "<string>"
+                new = self.wall(value) if name.startswith("__") and written else None
+            elif isinstance(value, FunctionType):
+                new = self.door(value)
+            elif isinstance(value, classmethod | staticmethod):
+                new = type(value)(self.door(value.__func__))
+            elif isinstance(value, property) and value.fget:
+                new = property(self.door(value.fget), value.fset, value.fdel, value.__doc__)
+            elif isinstance(value, cached_property):
+                new = property(self.door(value.func, value.__get__))  # the object stores the exact value
+            if new is not None:
+                setattr(kind, name, new)
 
 
 # ---------------------------------------------------------------------------------------------------- pages
@@ -357,42 +280,15 @@ class _Print(str):
         return self.shaken
 
 
-@contextmanager
-def shaken_prints(shaker: Shaker) -> Iterator[None]:
-    """Let pages read printed numbers that are slightly off, each by another part.
-
-    >>> with shaken_prints(Shaker("demo")):
-    ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "2.0")])
-    ...     f"{book.printed('kp') / 2 - 1:.0e}", book.row("kp").printed
-    ('4e-08', '2.0')
-    """
-    init, printed = Ledger.__init__, Ledger.printed
-
-    def opened(book: Ledger, path: Path, rows: Sequence[Row], *rest: Any) -> None:
-        init(book, path, [_with_print(row, shaker) for row in rows], *rest)
-
-    def read(book: Ledger, id: str) -> float:
-        exact, row = printed(book, id), book.row(id)
-        return float(row.printed) if isinstance(row.printed, _Print) else exact
-
-    known: Any = Ledger
-    known.__init__, known.printed = opened, read
-    try:
-        yield
-    finally:
-        known.__init__, known.printed = init, printed
-
-
-def _with_print(row: Row, shaker: Shaker) -> Row:
-    if row.is_statement:
-        return row
+def _shaken_print(row: Row, shaker: Shaker) -> str:
+    """Return the print of a row as a page reads it, off by an amount that differs from row to row."""
     try:
         exact = float(read_number(row.printed))
-    except LedgerError:  # the file is wrong, and `check` says so
-        return row
+    except LedgerError:  # a statement, or a file that `check` refuses
+        return row.printed
     text = _Print(row.printed)
     text.shaken = exact + PRINTS * (shaker.off(exact, row.id) - exact)
-    return replace(row, printed=text)
+    return text
 
 
 def _name(path: Path, book: Path) -> str:
@@ -404,8 +300,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
     name = _name(path, book)
     handed: Handed = {}
     number, wrong = 0, []
-    with recording() as opened, shaken_prints(shaker):
-        before = _account()
+    with recording(partial(_shaken_print, shaker=shaker)) as opened:
         try:
             for number, _ in enumerate(execute(path), start=1):
                 for one in opened:
@@ -413,26 +308,8 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
         except BaseException as error:  # a page may call exit
             first = (str(error).splitlines() or [""])[0]
             wrong.append(f"{name}: cell {number + 1} stops: {type(error).__name__}: {first[:200]}")
-        after = _account()
-        if len(after) < len(before) or any(after.get(key) is not value for key, value in before.items()):
-            wrong.append(f"{name}: changes the ledger itself")
-        if any(type(one) is not Ledger or not one.records for one in opened):
-            wrong.append(f"{name}: changes what its ledger does")
-    return Run(name, {id: (_plain(row), number) for id, (row, number) in handed.items()}, tuple(wrong))
-
-
-def _account() -> dict[tuple[str, str], Any]:
-    """Return every function and class of this package, and every method of its classes."""
-    modules = [(name, one) for name, one in sys.modules.items() if name.partition(".")[0] == "paperledger"]
-    found = {(name, key): value for name, one in modules for key, value in vars(one).items()}
-    classes = [value for value in found.values() if isinstance(value, type)]
-    methods = {(one.__qualname__, key): value for one in classes for key, value in vars(one).items()}
-    return {key: value for key, value in (found | methods).items() if callable(value)}
-
-
-def _plain(row: Row) -> Row:
-    """Return the row with its print as plain text, to send it between processes."""
-    return replace(row, printed=str(row.printed))
+    plain = {id: (replace(row, printed=str(row.printed)), cell) for id, (row, cell) in handed.items()}
+    return Run(name, plain, tuple(wrong))
 
 
 # ---------------------------------------------------------------------------------------------------- judging
@@ -445,17 +322,18 @@ def distance(old: Row, new: Row) -> float:
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
     '5.0e-07'
     """
-    if not old.is_statement:
-        return _apart(old.computed, new.computed)
-    was, now = Evidence.parse(old.evidence), Evidence.parse(new.evidence)
-    if was.but or now.but:
-        pairs = zip(was.inequalities, now.inequalities, strict=False)
-        return max(
-            _apart(a, b) for one, two in pairs for a, b in ((one.left, two.left), (one.right, two.right))
-        )
-    if Relation.parse(old.relation).is_identity:  # of a residual that is rounding only the decade is kept
-        return _apart(was.left, now.left) if now.verdict == "fails" or float(now.left) > PRINTED else 0.0
-    return max(_apart(was.left, now.left), _apart(was.right, now.right))
+    identity = old.is_statement and Relation.parse(old.relation).is_identity
+    if identity and Evidence.parse(new.evidence).verdict == "holds" and float(_numbers(new)[0]) <= PRINTED:
+        return 0.0  # of a residual that is rounding only the decade is kept
+    return max(map(_apart, _numbers(old), _numbers(new)))
+
+
+def _numbers(row: Row) -> list[str]:
+    """Return the computed number of a row, or the sides of the inequalities that decide a statement."""
+    if not row.is_statement:
+        return [row.computed]
+    sides = [(one.left, one.right) for one in Evidence.parse(row.evidence).inequalities]
+    return [side for pair in sides for side in pair]
 
 
 def _apart(old: str, new: str) -> float:
@@ -467,12 +345,9 @@ def _apart(old: str, new: str) -> float:
 
 def _rounded(old: Row, new: Row) -> bool:
     """Return True if a number changed and still ends in zeros, so that it is rounded."""
-    pairs = [(old.computed, new.computed)]
-    if old.is_statement:
-        was, now = Evidence.parse(old.evidence), Evidence.parse(new.evidence)
-        pairs = [(was.left, now.left), (was.right, now.right)]
     return any(
-        _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a for a, b in pairs
+        _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a
+        for a, b in zip(_numbers(old), _numbers(new), strict=False)
     )
 
 
@@ -480,13 +355,9 @@ def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
     """Return True if a row was handed its own print, as the page could read it."""
     if row.is_statement:
         return False
-    read = float(_with_print(row, shaker).printed)
-    return new.computed == write(read, -400, max(1, _digits(new.computed)))
-
-
-def _digits(text: str) -> int:
-    number = read_number(text)
-    return number.adjusted() - exponent(number) + 1 if number else DIGITS
+    number, read = read_number(new.computed), float(_shaken_print(row, shaker))
+    digits = number.adjusted() - exponent(number) + 1 if number else DIGITS
+    return new.computed == write(read, -400, max(1, digits))
 
 
 def _starts_clean(row: Row) -> bool:
@@ -522,7 +393,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     >>> judge(row, replace(row, computed="1.309852345"), Shaker("demo", only_prints=True))
     'moves by 3.1e-05 as prints alone are off: its basis is from-print or fitted'
     """
-    far, made, found = distance(row, new), Making.parse(row.made), row.found.partition(" | ")[0]
+    far, stays, found = distance(row, new), making(row.made)[1], row.found.partition(" | ")[0]
     if shaker.only_prints:
         if not _starts_clean(row) or row.same(new):
             return ""
@@ -531,11 +402,11 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
         return "hands back its own print"
     # prints move each by another part, which may nearly cancel; then only the very same number is a copy
     if far < (COPIED if row.basis != "from-print" else 1e-12):
-        return "" if made.stays else f"stays at {found}"
-    if made.stays == "count" and _rounded(row, new):  # it went to the next place of its grid
+        return "" if stays else f"stays at {found}"
+    if stays == "count" and _rounded(row, new):  # it went to the next place of its grid
         return ""
-    if made.stays:
-        return f"moves by {far:.1e}, so 'made' needs no {made.stays!r}"
+    if stays:
+        return f"moves by {far:.1e}, so 'made' needs no {stays!r}"
     if _rounded(row, new):
         return f"is rounded, {found}"
     if far < PRINTED and row.basis != "from-print":
@@ -543,116 +414,77 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Report:
-    """The outcome for the rows of one paper.
-
-    Parameters
-    ----------
-    paper : str
-        Its key.
-    move, stay : int
-        How many rows moved; how many say why they do not.
-    wrong : list of str
-        One line for each row or page that is refused.
-
-    Examples
-    --------
-    >>> print(Report("demo", 118, 3, ["demo.kp: stays at 1.3 (cell 9)"]))
-    demo: 118 of 122 rows move, 3 say why they stay, 1 refused
-      demo.kp: stays at 1.3 (cell 9)
-    """
-
-    paper: str
-    move: int
-    stay: int
-    wrong: list[str]
-    rows: int = 0
-
-    def __str__(self) -> str:
-        total = self.rows or self.move + self.stay + len(self.wrong)
-        head = f"{self.paper}: {self.move} of {total} rows move, {self.stay} say why they stay"
-        return "\n  ".join([f"{head}, {len(self.wrong)} refused" if self.wrong else head, *self.wrong])
-
-
-def _computed(paper: str, folder: Path) -> list[Row]:
-    """Rows that some page has to hand over."""
-    return [row for row in Ledger.open(paper, folder=folder).rows.values() if row.basis != "reading"]
-
-
-def judged(row: Row, run: Run | None, shaker: Shaker) -> str:
+def judged(row: Row, runs: Runs, shaker: Shaker) -> str:
     """Return what is wrong with a row, and where; empty if nothing is."""
-    if run is None or row.id not in run.handed:
+    if row.page not in runs or row.id not in runs[row.page].handed:
         return f"{row.id}: never handed over"
-    new, cell = run.handed[row.id]
+    new, cell = runs[row.page].handed[row.id]
     said = judge(row, new, shaker)
     return said and f"{row.id}: {said} ({row.page}, cell {cell})"
 
 
-def report(
-    paper: str, folder: Path, shaker: Shaker, runs: Iterable[Run], exact: Iterable[Run] = ()
-) -> Report:
-    """Judge the rows of a paper by what its pages handed over, and by what with an exact library and prints off."""
-    by_page, by_exact = ({one.page: one for one in some} for some in (runs, exact))
-    rows, alone = _computed(paper, folder), replace(shaker, only_prints=True)
-    move, stay = 0, 0
-    wrong = [*dict.fromkeys(line for one in (*by_exact.values(), *by_page.values()) for line in one.wrong)]
+def report(rows: Iterable[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list[str]:
+    """Judge rows by what their pages handed over; the first line counts, each other line is a row that is refused.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        The rows that some page has to hand over.
+    shaker : Shaker
+        What was shaken.
+    runs, exact : mapping of str to Run
+        The pages by name, run with library and prints off, and with an exact library and prints off.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", page="demo")
+    >>> new = replace(row, computed="1.309852345")
+    >>> report([row], Shaker("demo"), {"demo": Run("demo", {row.id: (new, 1)})}, {})
+    ['1 of 1 rows move, 0 say why they stay']
+    """
+    counts, wrong = {"move": 0, "stay": 0}, []
     for row in rows:
-        said = judged(row, by_page.get(row.page), shaker)
-        if not said and row.page in by_exact:
-            said = judged(row, by_exact[row.page], alone)
+        said = judged(row, runs, shaker)
+        if not said and row.page in exact:
+            said = judged(row, exact, replace(shaker, only_prints=True))
         if said:
             wrong.append(said)
-        elif Making.parse(row.made).stays:
-            stay += 1
         else:
-            move += 1
-    return Report(paper, move, stay, wrong, len(rows))
+            counts["stay" if making(row.made)[1] else "move"] += 1
+    total = sum(counts.values()) + len(wrong)
+    head = f"{counts['move']} of {total} rows move, {counts['stay']} say why they stay"
+    return [head + f", {len(wrong)} refused" * bool(wrong), *wrong]
 
 
-def _all_runs(
-    paths: Sequence[Path], book: Path, shaker: Shaker, told: Callable[[Run, str], None]
-) -> list[Run]:
-    """Run each page in a forked process, which inherits the imports; a few at a time."""
-    fork, waiting = get_context("fork"), [*enumerate(paths)]
-    running: dict[Any, tuple[int, Any]] = {}
-    found: dict[int, Run] = {}
+def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]:
+    """Run each page in a forked process, which inherits the imports, a few at a time; return the runs by page."""
+    fork, waiting = get_context("fork"), [*paths]
+    running: dict[Any, tuple[str, Any]] = {}
+    found: dict[str, Run] = {}
     while waiting or running:
         while waiting and len(running) < WORKERS:
-            number, path = waiting.pop(0)
+            path = waiting.pop(0)
             here, there = fork.Pipe(duplex=False)
-            child = fork.Process(
-                target=lambda path, end: end.send(run(path, book, shaker)), args=(path, there)
-            )
+            child = fork.Process(target=lambda: there.send(run(path, book, shaker)))  # noqa: B023  # forked at once
             child.start()
             there.close()
-            running[here] = number, child
+            running[here] = _name(path, book), child
         ready: list[Any] = wait([*running])
         for end in ready:
-            number, child = running.pop(end)
+            name, child = running.pop(end)
             try:
-                found[number] = end.recv()
-            except EOFError:  # it died without a word
-                name = _name(paths[number], book)
-                found[number] = Run(name, {}, (f"{name}: its process died",))
+                found[name] = end.recv()
+            except EOFError:  # the child ended without a result
+                found[name] = Run(name, {}, (f"{name}: its process died",))
             child.join()
-            told(found[number], f"[{len(found)}/{len(paths)}]")
-    return [found[number] for number in range(len(paths))]
-
-
-def _elsewhere(function: Callable[[], list[Run]]) -> list[Run]:
-    """Call a function in another process, so that its imports do not reach this one."""
-    fork = get_context("fork")
-    here, there = fork.Pipe(duplex=False)
-    child = fork.Process(target=lambda: there.send(function()))
-    child.start()
-    there.close()
-    try:
-        return here.recv()
-    except EOFError:  # it has said why
-        raise LedgerError("the run with an exact library ended early") from None
-    finally:
-        child.join()
+            off = "prints" if shaker.only_prints else "library"
+            progress = f"[{len(found)}/{len(paths)}] {name}, {off} off"
+            print("\n  ".join([progress, *found[name].wrong]), file=sys.stderr, flush=True)
+    return found
 
 
 def shake(
@@ -666,13 +498,13 @@ def shake(
     Parameters
     ----------
     shaker : Shaker
-        What to shake; its package must not be imported yet.
+        What to shake. Its package stays shaken in this process.
     folder : path, optional
         Folder of the csv files; by default as in `Ledger.open`.
     keys : sequence of str
         Papers; none for all.
     prepare : callable, optional
-        What imports the package, and what else all pages import, once.
+        What all pages need once, such as compiled code.
 
     Returns
     -------
@@ -685,36 +517,27 @@ def shake(
         Where processes cannot be forked, as on Windows.
     """
     if not hasattr(os, "fork"):
-        raise LedgerError(
-            "to shake a library takes a system that can fork, such as Linux: each page inherits it"
-        )
-    place = (Path(folder) if folder is not None else find_folder()).resolve()
-    chosen = [*keys] or papers(place)
-    found = {paper: pages(paper, place) for paper in chosen}
+        raise LedgerError("to shake a library takes a system that can fork, such as Linux")
+    place = find_folder(folder).resolve()
+    book, chosen = place.parent, [*keys] or papers(place)
+    all_rows = {paper: Ledger.open(paper, folder=place).rows.values() for paper in chosen}
+    rows = {paper: [row for row in some if row.basis != "reading"] for paper, some in all_rows.items()}
+    found = {path for paper in chosen for path in pages(paper, place)}
     # the long ones first, so that none is left for the end
-    paths = sorted({path for some in found.values() for path in some}, key=lambda path: -path.stat().st_size)
-    owed = [row for paper in chosen for row in _computed(paper, place)]
-    alone = replace(shaker, only_prints=True)
-
-    def handed(paths: Sequence[Path], shaker: Shaker, what: str) -> list[Run]:
-        def told(run: Run, counted: str) -> None:
-            rows = (judged(row, run, shaker) for row in owed if row.page == run.page)
-            wrong = [*run.wrong, *filter(None, rows)]
-            print("\n  ".join([f"{counted} {run.page}, {what} off", *wrong]), file=sys.stderr, flush=True)
-
-        if prepare:
-            prepare()
-        return _all_runs(paths, place.parent, shaker, told)
-
+    paths = sorted(found, key=lambda path: -path.stat().st_size)
+    clean = {row.page for some in rows.values() for row in some if _starts_clean(row)}
     os.environ["MPLBACKEND"] = "Agg"
-    clean = {row.page for row in owed if _starts_clean(row)}
-    first = [path for path in paths if _name(path, place.parent) in clean]
-    exact = dict(zip(first, _elsewhere(lambda: handed(first, alone, "prints")), strict=True))
-    with shaker.shaking():
-        runs = dict(zip(paths, handed(paths, shaker, "library"), strict=True))
-    reports = []
+    import_module(shaker.package)
+    if prepare:
+        prepare()
+    first = [path for path in paths if _name(path, book) in clean]
+    exact = run_all(first, book, replace(shaker, only_prints=True))
+    shaker.put_doors()
+    runs = run_all(paths, book, shaker)
+    wrong = [*dict.fromkeys(line for one in (*exact.values(), *runs.values()) for line in one.wrong)]
+    print(*(f"{line}\n" for line in wrong), sep="", end="")
     for paper in chosen:
-        mine, before = ([some[path] for path in found[paper] if path in some] for some in (runs, exact))
-        reports.append(report(paper, place, shaker, mine, before))
-    print(*reports, sep="\n")
-    return int(any(one.wrong for one in reports))
+        head, *refused = report(rows[paper], shaker, runs, exact)
+        wrong += refused
+        print("\n  ".join([f"{paper}: {head}", *refused]))
+    return int(bool(wrong))

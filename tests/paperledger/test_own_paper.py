@@ -21,7 +21,7 @@ COMMANDS = [
 SAID = {
     "update": r"left to do:\n" + re.escape(re.search(r"`(doe2030\.table1\.y20: file says[^`]*)`", PAGE)[1]),
     "check": "doe2030: 4 claims, 2 reproduced, 1 holds, 1 misprint",
-    "manifest": "manifest: rewritten\n4 new claims",
+    "manifest": "manifest: rewritten",
     "show": r"misprint +doe2030\.table1\.y20: growth in 20 years \(Table 1\) +1\.086 +1\.8061",
     "shake": re.search(r"`(doe2030: 4 of 4 rows move)`", PAGE)[1],
 }

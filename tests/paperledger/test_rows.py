@@ -12,60 +12,60 @@ REASON = "a reason of five words"
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("row", "change", "message"),
     [
-        ({"id": "demo.T1.kp"}, "lower case and dotted"),
-        ({"id": "other.kp"}, "does not start with demo."),
-        ({"printed": "12 %"}, "'12 %' is not a plain number"),
-        ({"computed": "holds"}, "'holds' is not a plain number"),
-        ({"verdict": "good"}, "file says good, .* gives reproduced"),
-        ({"verdict": "approximate"}, "file says approximate, .* gives reproduced"),  # without a tolerance
-        ({"note": "tolerance 6 %"}, "the tolerance .* is wider than 5 % of 1.31"),
-        ({"note": "tolerance 1 %"}, "file says reproduced, .* gives approximate"),
-        ({"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
-        ({"evidence": "1 < 2"}, "a number, but 'evidence' is not empty"),
-        ({"basis": "guess"}, "unknown basis 'guess'; one of computed, fitted, from-print, reading"),
-        ({"basis": "fitted"}, "fitted, so 'made' says how many settings from how many numbers"),
-        ({"made": "fit: 1 setting from 4 numbers: T_F, from Table 1"}, "its basis is fitted, not computed"),
-        ({"made": "by hand"}, "made 'by hand' does not read like"),
-        ({"made": "fit: 0 settings from 4 numbers: T_F"}, "fit .* does not read like"),
-        ({"made": "fit: T_F"}, "fit 'T_F' does not read like"),
-        ({"basis": "reading"}, "settled by reading, but 'computed' is not empty"),
-        ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading, but 'page' is not empty"),
-        ({"basis": "reading", "computed": "", "note": REASON}, "settled by reading cannot be reproduced"),
-        ({"basis": "reading", "computed": "", "verdict": "misprint"}, "misprint needs a note"),
-    ],
-)
-def test_validation(project, change, message):
-    check_validation(project, replace(KP, **change), message)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"evidence": ""}, "'evidence' is empty"),  # nobody types a verdict in
-        ({"relation": ""}, "'relation' is empty"),
-        ({"relation": "A faster than B"}, "relation 'A faster than B' does not read like"),
-        ({"relation": "residual <= 1e-8 | rounding"}, "needs a note that says why"),
-        ({"relation": "residual <= 0.5 | rounding", "note": REASON}, "above 1e-06"),
+        (KP, {"id": "demo.T1.kp"}, "lower case and dotted"),
+        (KP, {"id": "other.kp"}, "does not start with demo."),
+        (KP, {"printed": "12 %"}, "'12 %' is not a plain number"),
+        (KP, {"computed": "holds"}, "'holds' is not a plain number"),
+        (KP, {"verdict": "good"}, "file says good, .* gives reproduced"),
+        (KP, {"verdict": "approximate"}, "file says approximate, .* gives reproduced"),  # without a tolerance
+        (KP, {"note": "tolerance 6 %"}, "the tolerance .* is wider than 5 % of 1.31"),
+        (KP, {"note": "tolerance 1 %"}, "file says reproduced, .* gives approximate"),
+        (KP, {"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
+        (KP, {"evidence": "1 < 2"}, "a number, but 'evidence' is not empty"),
+        (KP, {"basis": "guess"}, "unknown basis 'guess'; one of computed, fitted, from-print, reading"),
+        (KP, {"basis": "fitted"}, "if the basis is fitted"),
+        (KP, {"made": "fit: 1 setting from 4 numbers: T_F, from Table 1"}, "if the basis is fitted"),
+        (KP, {"made": "by hand"}, "made 'by hand'"),
+        (KP, {"made": "fit: 0 settings from 4 numbers: T_F"}, "made 'fit: 0"),
+        (KP, {"made": "fit: T_F"}, "made 'fit: T_F'"),
+        (KP, {"basis": "reading"}, "settled by reading, but 'computed' is not empty"),
         (
+            KP,
+            {"basis": "reading", "computed": "", "note": REASON},
+            "settled by reading, but 'page' is not empty",
+        ),
+        (KP, {"basis": "reading", "computed": "", "note": REASON}, "settled by reading cannot be reproduced"),
+        (KP, {"basis": "reading", "computed": "", "verdict": "misprint"}, "misprint needs a note"),
+        (S1, {"evidence": ""}, "'evidence' is empty"),  # nobody types a verdict in
+        (S1, {"relation": ""}, "'relation' is empty"),
+        (S1, {"relation": "A faster than B"}, "relation 'A faster than B' does not read like"),
+        (S1, {"relation": "residual <= 1e-8 | rounding"}, "needs a note that says why"),
+        (S1, {"relation": "residual <= 0.5 | rounding", "note": REASON}, "above 1e-06"),
+        (
+            S1,
             {"relation": "A <= B", "evidence": "1.400 <= 1.400"},
             "both sides are 1.400, so nothing was compared",
         ),
-        ({"verdict": "fails"}, "file says fails, 3.1.* gives holds"),
-        ({"verdict": "misprint", "note": REASON}, "declared misprint starts to agree"),
-        ({"evidence": "so it is"}, "is no inequality such as"),
+        (S1, {"verdict": "fails"}, "file says fails, 3.1.* gives holds"),
+        (S1, {"verdict": "misprint", "note": REASON}, "declared misprint starts to agree"),
+        (S1, {"evidence": "so it is"}, "is no inequality such as"),
     ],
 )
-def test_validation_of_a_statement(project, change, message):
-    check_validation(project, replace(S1, **change), message)
-
-
-def check_validation(project, row, message):
+def test_validation(project, row, change, message):
+    row = replace(row, **change)
     write_rows(project / "book" / "ledger" / "demo.csv", [row])
     with pytest.raises(LedgerError, match=message) as caught:
         load_all()
     assert row.id in str(caught.value)
+
+
+def test_an_id_that_was_removed_is_never_used_again(project):
+    path = project / "book" / "ledger" / "removed.csv"
+    path.write_text("id,reason\ndemo.t1.kp,one fact counted twice\n", encoding="utf-8")
+    with pytest.raises(LedgerError, match=r"demo\.t1\.kp: was removed"):
+        load_all()
 
 
 def test_half_a_unit_of_the_print():
@@ -110,18 +110,14 @@ STATEMENT = "demo.s1,sec. 2,statement,at most 10,holds,holds,computed,demo,,{},{
 HOSTILE = {
     "UTF-16": lambda head: f"{head}{LINE}\n".encode("utf-16"),
     "Latin-1": lambda head: f"{head}{LINE}\n".replace("gain", "Verstärkung").encode("latin-1"),
-    "escape": lambda head: f"{head}{LINE}\n".replace("gain", "\x1b[2Jgain").encode(),
     "NUL": lambda head: f"{head}{LINE}\n".replace("gain", "ga\0in").encode(),
-    "line separator": lambda head: f"{head}{LINE}\n".replace("gain", "ga\u2028in").encode(),
     "right to left": lambda head: f"{head}{LINE}\n".replace("gain", "\u202egain").encode(),
     "long entry": lambda head: f"{head}{LINE}\n".replace("gain", "x" * 200_000).encode(),
     "open quote": lambda head: f"{head}{LINE}\n".replace("gain", '"gain').encode(),
     "tiny": lambda head: f"{head}{LINE}\n".replace("1.31,", "1e-99999999,").encode(),
-    "huge": lambda head: f"{head}{LINE}\n".replace("1.31,", "1e99999999999999999999,").encode(),
     "huge computed": lambda head: f"{head}{LINE}\n".replace("1.309812345", "1e999999999").encode(),
     "many digits": lambda head: f"{head}{LINE}\n".replace("1.31,", "9" * 5000 + ",").encode(),
     "division by 0": lambda head: f"{head}{STATEMENT.format('<=', '10.82 <= 1/0 * 10')}\n".encode(),
-    "no factor": lambda head: f"{head}{STATEMENT.format('<=', '10.82 <= 1.2.3 * 10')}\n".encode(),
     "factor of a relation": lambda head: (
         f"{head}{STATEMENT.format('a <= 1/0 * b', '1 <= 1/0 * 2')}\n".encode()
     ),

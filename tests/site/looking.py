@@ -107,6 +107,18 @@ BROKEN = r"""() => {
   return found;
 }"""
 
+# Tables, those in folds too, that do not fit a wide screen.
+WIDE_TABLES = """() => {
+  const shut = [...document.querySelectorAll("main details:not([open])")];
+  shut.forEach((fold) => { fold.open = true; });
+  const wide = [...document.querySelectorAll("main table")].filter(
+    (table) => table.offsetWidth > table.closest(".text_html, div, article").clientWidth + 1,
+  );
+  const found = wide.map((table) => `wider than the page: ${table.textContent.trim().slice(0, 60)}`);
+  shut.forEach((fold) => { fold.open = false; });
+  return found;
+}"""
+
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
 # Formulas as boxes of their size and code as plain text: axe-core is not to take their thousands of parts apart. The
@@ -247,7 +259,7 @@ def looked_over(page: Page) -> list[str]:
         f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES) + page.evaluate(BROKEN)
     ]
     page.set_viewport_size(WIDE)
-    wrong += problems(page)
+    wrong += problems(page) + page.evaluate(WIDE_TABLES)
     page.evaluate(PLAINER)
     wrong += barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
     page.evaluate(COLOURED)
