@@ -317,7 +317,7 @@ def test_a_prefilter_as_fast_as_the_filter_of_the_controller_drives_it(time):
 def test_a_loop_that_remembers_too_many_dead_times_is_refused():
     """|L| = 0.999 at infinite frequency: three states and 1333 dead times fill the stack of 4000."""
     loop = Loop(Process([1.0, 2.0], [1.0, 1.0], 1.0), 0.999)
-    with pytest.raises(ValueError, match="t must span at most 1333 dead times .* found 2000; shorten t"):
+    with pytest.raises(ValueError, match=r"t must span at most 1333 dead times .* found 2000; shorten t"):
         simulate(loop, np.arange(2001.0), setpoint=1.0)
 
 

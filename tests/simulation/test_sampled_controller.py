@@ -202,7 +202,7 @@ def test_one_width_is_a_switch():
     [
         (Loop(PLAIN.process, 0.5), {"anti_windup": "clamping"}, ValueError, "needs one pole at 0"),
         (Loop(PLAIN.process, PIDA(0.4, 0.5)), {"anti_windup": "conditioning"}, ValueError, "needs kp/ki"),
-        (Loop(PLAIN.process, control.tf([1], [1, 0])), {"anti_windup": "conditioning"}, ValueError, "found kp = .*, ki = 1"),
+        (Loop(PLAIN.process, control.tf([1], [1, 0])), {"anti_windup": "conditioning"}, ValueError, "ki = 1"),
         (RESET, {"limits": (2.0, 3.0)}, ValueError, r"found \(2\.0, 3\.0\) and \(-1\.0, 1\.0\) of the controller"),
         (PLAIN, {"quanta": 0.1}, TypeError, "quanta must be two numbers"),
         (PLAIN, {"quanta": (0.1, -0.1)}, ValueError, r"quanta\[1\] must be at least 0, found -0\.1"),
