@@ -184,7 +184,7 @@ BAD = {
         ("alpha_d", 0, "alpha_d must be above 0, found 0"),
     ],
     pidalab.HighOrderPID: [
-        ("gains", [1.0], "gains must be a vector of at least 2"),
+        ("gains", [1.0], "gains must be one-dimensional with at least 2"),
         ("gains", [1.0, math.nan], "gains must be finite, found nan at index 1"),
         ("filter_order", 1, "filter_order must be a whole number, at least 2, found 1"),
         ("filter_time", 0.0, r"filter_time must be above 0 .* found 0\.0"),

@@ -140,7 +140,9 @@ def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
 def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array:
     """Return a finite array of one dimension, or raise."""
     if values.ndim != 1 or values.size < minimum_length:
-        raise ValueError(f"{name} must be a vector of at least {minimum_length}, found shape {values.shape}")
+        raise ValueError(
+            f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {values.shape}"
+        )
     return _finite(name, values)
 
 

@@ -137,61 +137,6 @@ def signal(
     ax.set_xlim(0, until)
 
 
-def comparison(
-    clean: Mapping[str, Mapping[str, Response]],
-    noisy: Mapping[str, Mapping[str, Response]],
-    until: float,
-    u_until: float,
-) -> Figure:
-    """Draw set-point (left) and load (right) responses, y above u, exact lines over single noisy runs.
-
-    Parameters
-    ----------
-    clean : mapping of str to mapping of str to Response
-        By label and by experiment, ``"setpoint"`` and ``"load"``: noise-free responses.
-    noisy : mapping of str to mapping of str to Response
-        Single runs with noise in the same order, drawn faintly.
-    until : float
-        End of the time axes.
-    u_until : float
-        End of the time axis of u after a set-point step, where its first peak can be seen.
-
-    Returns
-    -------
-    Figure
-        With four axes.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For anything but runs and experiments by their labels, and for a label without one of the experiments.
-
-    Examples
-    --------
-    >>> import numpy as np, pidalab
-    >>> t, loop = np.linspace(0, 20, 201), pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.3)
-    >>> runs = {"P": {"setpoint": pidalab.step_response(loop, t), "load": pidalab.load_response(loop, t)}}
-    >>> len(pidalab.plots.comparison(runs, runs, until=20.0, u_until=5.0).axes)
-    4
-    """
-    for name, runs in (("clean", clean), ("noisy", noisy)):
-        _require_by_label(name, runs, Mapping)
-        for label, run in runs.items():
-            if missing := {"setpoint", "load"} - set(run):
-                raise ValueError(f"{name}[{label!r}] lacks {missing.pop()!r}")
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.0))
-    for column, (experiment, end) in enumerate((("setpoint", u_until), ("load", until))):
-        lines, faint = ({label: run[experiment] for label, run in runs.items()} for runs in (clean, noisy))
-        signal(axes[0, column], lines, "y", until=until, faint=faint)
-        signal(axes[1, column], lines, "u", until=end, faint=faint)
-        axes[0, column].set(
-            title=f"{experiment.replace('setpoint', 'set-point')} step", ylabel="output y", xlabel=""
-        )
-        axes[1, column].set(ylabel="control u")
-    axes[0, 0].legend()
-    return figure
-
-
 def experiment(
     runs: Mapping[str, Response], y_label: str, u_label: str, time_label: str = "time units"
 ) -> Figure:

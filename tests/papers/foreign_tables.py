@@ -16,7 +16,8 @@ import numpy as np
 
 import pidalab
 from paperledger import derive
-from pidalab.robustness.margins import max_difference
+from pidalab.robustness.axis import DIFFERENCE
+from pidalab.robustness.in_z import axis_of
 from pidalab.rules import classical
 
 FILE = Path(__file__).with_name("tables_of_others.toml")
@@ -182,7 +183,7 @@ def margins(plant: Any, controller: Any, table: Table) -> Answers:
         "disk_gain_db": 20 * math.log10(high),
         "disk_phase": math.degrees(2 * math.atan(a / 2)),
     }
-    return answers | ({"wdisk": max_difference(loop)[1]} if "wdisk" in table["printed"] else {})
+    return answers | ({"wdisk": axis_of(loop).peak(DIFFERENCE)[1]} if "wdisk" in table["printed"] else {})
 
 
 def crossovers(plant: Any, controller: Any, table: Table) -> Answers:

@@ -204,7 +204,7 @@ def test_limits_are_respected_or_refused():
     [
         ({"t": [0.0, 1.0, 3.0]}, ValueError, "t must be uniform"),
         ({"t": [1.0, 2.0]}, ValueError, "t must start at 0, found 1"),
-        ({"t": [0.0]}, ValueError, "t must be a vector of at least 2"),
+        ({"t": [0.0]}, ValueError, "t must be one-dimensional with at least 2"),
         ({"t": [0.0, np.inf]}, ValueError, "t must be finite, found inf at index 1"),
         ({"setpoint": [1.0, 2.0]}, ValueError, r"setpoint must be .* as long as t \(3\), found shape \(2,\)"),
         ({"load": [[1.0, 2.0, 3.0]]}, ValueError, r"load must be .* found shape \(1, 3\)"),

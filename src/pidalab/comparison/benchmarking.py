@@ -424,10 +424,10 @@ def benchmark(
     if unknown := [plant for plant in wanted if plant not in cases]:
         raise ValueError(f"plants must be names such as 'P2 T=1' and 'P4 n=4', found {unknown[0]!r}")
     require_executor(executor)
-    rows_of_plants = done(
+    judged = done(
         partial(_rows_of, rule, model), [(plant, cases[plant]) for plant in wanted], executor, "plant"
     )
-    return Benchmark(called, _with_least([row for rows in rows_of_plants for row in rows]))
+    return Benchmark(called, _with_least([row for rows in judged for row in rows]))
 
 
 def _rows_of(rule: Rule, model: str, case: tuple[str, Process]) -> list[dict[str, Any]]:

@@ -463,13 +463,11 @@ class DigitalController(Parameters):
         return as_json(self, **head)
 
     def __repr__(self) -> str:
-        fields = vars(self) | dict(zip("bc", self.weights, strict=True))
+        now = vars(self) | dict(zip("bc", self.weights, strict=True))
         usual = {"b": 1.0, "c": 1.0, "limits": (-math.inf, math.inf), "rate_limit": math.inf}
         usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
         usual |= {"prefilter": None, "feedforward": False, "tunable": False}
-        extras = "".join(
-            f", {name}={fields[name]!r}" for name, value in usual.items() if fields[name] != value
-        )
+        extras = "".join(f", {name}={now[name]!r}" for name, value in usual.items() if now[name] != value)
         # the source may come from a file: quote it unless it prints on one line
         source = self.source if self.source.isprintable() else repr(self.source)
         return f"{source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"

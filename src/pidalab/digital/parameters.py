@@ -123,9 +123,7 @@ def _numbers(k: Parameters) -> dict[str, Any]:
     for name in ("back_calculation_gain", "tracking_gain"):
         checked[name] = _check.real(name, getattr(k, name), at_least=0.0, at_most=1.0)
     for name in ("growth", "weights"):
-        pair = getattr(k, name)
-        if not isinstance(pair, tuple) or len(pair) != 2:
-            raise TypeError(f"{name} must be a tuple of two numbers, found {pair!r:.60}")
+        pair = _check.pair(name, "of the present and the previous sample", getattr(k, name))
         checked[name] = tuple(_constant(f"{name}[{i}]", x) for i, x in enumerate(pair))
     return checked
 

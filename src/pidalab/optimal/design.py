@@ -377,7 +377,7 @@ def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResul
     every rung, and the best of them are finished. Descents from random starts around the best one come last.
     """
     first = starts[0]
-    x, ends_of_rungs = first, []
+    x, on_rungs = first, []
     down, up = search.rungs, search.rungs[::-1]
     # down, up, and down once more without the highest derivative, to the optimum of the order below
     for ladder, highest in ((down, LARGEST_GAIN), (up, LARGEST_GAIN), (down, 0.0)):
@@ -387,17 +387,17 @@ def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResul
             )
             if violation <= NEARLY:
                 x = unknowns
-                ends_of_rungs.append((value, unknowns))
+                on_rungs.append((value, unknowns))
             bar.update()
     # the filter time set free: from every rung and the other starts, then to the end from the best
     free = []
-    for start in [*(x for _, x in _distinct(ends_of_rungs, len(ends_of_rungs))), *starts[1:]]:
+    for start in [*(x for _, x in _distinct(on_rungs, len(on_rungs))), *starts[1:]]:
         value, unknowns, violation = search.descend(start)
         if violation <= NEARLY:
             free.append((value, unknowns))
         bar.update()
     finished: list[Polished] = []
-    for ends in (free, ends_of_rungs):
+    for ends in (free, on_rungs):
         for _, start in _distinct(ends, BEST):
             end = finish(search, start, finished)
             finished += [] if end is None else [end]
@@ -437,10 +437,10 @@ def _valleys(values: list[float]) -> tuple[float, ...]:
     return tuple(chosen)
 
 
-def _distinct(ends_of_rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
+def _distinct(on_rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
     """Return the best rungs that are not the same point."""
     chosen: list[tuple[float, Array]] = []
-    for rung in sorted(ends_of_rungs, key=lambda pair: pair[0]):
+    for rung in sorted(on_rungs, key=lambda pair: pair[0]):
         if all(np.max(np.abs(rung[1] - other[1])) > 1e-3 for other in chosen):
             chosen.append(rung)
         if len(chosen) == most:

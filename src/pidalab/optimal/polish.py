@@ -19,12 +19,9 @@ from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal.problem import MS, PEAKS, Scaled, numerator, weights, with_turns
 from pidalab.optimal.search import FINE, NEARLY, Search, is_surely_stable
-from pidalab.robustness.margins import (
-    max_complementary,
-    max_control_sensitivity,
-    max_difference,
-    max_sensitivity,
-)
+from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE
+from pidalab.robustness.in_z import axis_of
+from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
 MAX_FINISHES = 12  # rounds, each with the worst frequency of the one before
 VALLEY_GAP = 1e-2  # share by which the values of two valleys differ at least
@@ -38,8 +35,8 @@ SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "ms": max_sensitivity,
     "mks": max_control_sensitivity,
-    "mt": max_complementary,
-    "inverse_disk": max_difference,
+    "mt": lambda loop: axis_of(loop).peak(COMPLEMENTARY),
+    "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
 ROOM = 1e-9  # share of a limit that is left for rounding
 NEAR_LIMIT = 0.05  # share of a limit within which a peak becomes a condition

@@ -97,9 +97,7 @@ class Search:
 
     def violation(self, x: Array, constraints: list[CachedValueAndSlope] | None = None) -> float:
         """Return the largest violation of a limit."""
-        return max(
-            0.0, -min(float(np.min(constraint.value(x))) for constraint in constraints or self.constraints())
-        )
+        return max(0.0, -min(float(np.min(each.value(x))) for each in constraints or self.constraints()))
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """Return the slack of every limit, not negative where it is kept, at the frequencies so far."""
@@ -142,8 +140,7 @@ class Search:
                 scaled = Scaled(x, at)
                 value_of, slope_of = scaled.functions(CachedValueAndSlope(self.log_iae))
                 limits = (
-                    dict(zip(("fun", "jac"), scaled.functions(constraint), strict=True))
-                    for constraint in constraints
+                    dict(zip(("fun", "jac"), scaled.functions(each), strict=True)) for each in constraints
                 )
                 solution = minimize(
                     value_of, scaled(x), method="SLSQP", jac=slope_of,
@@ -300,21 +297,21 @@ def relax(search: Search, start: Array) -> Array:
         unstable = search.problem.unstable(z[:-1])
         return (BARRIER, np.zeros(z.size)) if unstable else (float(z[-1]), only_slack)
 
-    def with_slack(constraint: CachedValueAndSlope) -> dict[str, Any]:
+    def with_slack(each: CachedValueAndSlope) -> dict[str, Any]:
         def slope(z: Array) -> Array:
-            rows = np.atleast_2d(constraint.slope(z[:-1]))
+            rows = np.atleast_2d(each.slope(z[:-1]))
             return np.hstack([rows, np.ones((rows.shape[0], 1))])
 
         return {
             "type": "ineq",
-            "fun": lambda z: np.atleast_1d(constraint.value(z[:-1])) + z[-1],
+            "fun": lambda z: np.atleast_1d(each.value(z[:-1])) + z[-1],
             "jac": slope,
         }
 
     with np.errstate(all="ignore"):
         end = minimize(
             slack, np.append(start, search.violation(start, constraints)), jac=True, method="SLSQP",
-            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(constraint) for constraint in constraints],
+            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(each) for each in constraints],
             options={"maxiter": 80, "ftol": 1e-7},
         ).x[:-1]  # fmt: skip
         better = search.violation(end, constraints) < search.violation(start, constraints)

@@ -199,9 +199,8 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
-    least = below * np.where(above > 0, below / above, 1.0)
-    most = above * np.where(below > 0, above / below, 1.0)
-    apart = np.fmax(least - 1, 1 - most)
+    # a smooth function leaves the range of two neighbours by as much as they differ
+    apart = np.fmax(below * np.where(above > 0, below / above, 1.0) - 1, 1 - most_between(below, above))
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
 
 
@@ -215,6 +214,8 @@ class Axis(ABC):
     ----------
     grid : ndarray
         Frequencies in rad per time unit, ascending.
+    on_grid : Samples
+        The loop at these frequencies.
     delay : float
         Time by which the phase turns in addition to that of the roots; 0 if it does not.
     at_zero, at_end : float
@@ -224,6 +225,7 @@ class Axis(ABC):
     """
 
     grid: Array
+    on_grid: Samples
     delay: float
     at_zero: float
     at_end: float
@@ -236,11 +238,6 @@ class Axis(ABC):
     @abstractmethod
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
         """Count the zeros of the characteristic function right of s = jω - slope ω - shift; None if one is on it."""
-
-    @cached_property
-    def on_grid(self) -> Samples:
-        """The loop at the points of the grid."""
-        return self.at(self.grid)
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""

@@ -186,9 +186,8 @@ def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
     integrates = controller.integrates or process.den[-1] == 0
     # an integrator makes L infinite at zero frequency, unless the plant's zero there cancels it
     at_zero = math.inf if integrates and process.num[-1] != 0 else L(grid[0] if integrates else 0.0)
-    return AxisInZ(
-        grid=grid, delay=process.delay + h, at_zero=at_zero, at_end=L(end), end=end, transfer=transfer
-    )
+    on_grid = Samples(grid, *transfer(1j * grid))
+    return AxisInZ(grid, on_grid, process.delay + h, at_zero, L(end), end, transfer=transfer)
 
 
 def axis_of(loop: Loop) -> Axis:

@@ -253,12 +253,12 @@ def popov(loop: Loop) -> Criterion:
     for _ in range(MOST_MULTIPLIERS):
         tried.append(Criterion(*infimum(part, theta), theta))
         lines.append(line(part, tried[-1].frequency))
-        best = max(tried, key=lambda criterion: criterion.margin)
+        best = max(tried, key=lambda each: each.margin)
         bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
         # far multipliers turn the phase often: go there step by step
-        reach = max(slowest, FURTHER * max(criterion.multiplier for criterion in tried))
+        reach = max(slowest, FURTHER * max(each.multiplier for each in tried))
         theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
@@ -401,13 +401,13 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner - np.fmax(change[:-1], change[1:]) <= best)
     at, least = lowest(lambda w: function(axis.at(w)), samples.w, 1 + np.flatnonzero(dips))
     i = int(np.argmin(values))
-    least_value, where = min(
+    low, where = min(
         [(float(values[i]), float(samples.w[i])), *zip(least.tolist(), at.tolist(), strict=True)]
     )
     for value, end in ((at_zero, 0.0), (at_infinity, math.inf)):
-        if _below(value) <= least_value:
+        if _below(value) <= low:
             return value, end
-    return least_value, where
+    return low, where
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:

@@ -133,53 +133,6 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     return axis_of(loop).peak(SENSITIVITY)
 
 
-def max_complementary(loop: Loop) -> tuple[float, float]:
-    """Maximum complementary sensitivity Mt and the frequency where it lies, whether the loop is stable or not.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-
-    Returns
-    -------
-    mt, wmt : float
-        The supremum of \\|L/(1 + L)\\| over all frequencies; ``wmt`` is 0 or inf where it is only approached.
-
-    Examples
-    --------
-    >>> import pidalab
-    >>> from pidalab.robustness.margins import max_complementary
-    >>> max_complementary(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
-    (1.0, 0.0)
-    """
-    return axis_of(loop).peak(COMPLEMENTARY)
-
-
-def max_difference(loop: Loop) -> tuple[float, float]:
-    """Largest half of \\|S - T\\|, which is one over the disk margin, and the frequency where it lies.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop, stable or not.
-
-    Returns
-    -------
-    half, w : float
-        The supremum of \\|1 - L\\|/\\|2 (1 + L)\\| over all frequencies; ``w`` is 0 or inf where it is only approached.
-
-    Examples
-    --------
-    >>> import pidalab
-    >>> from pidalab.robustness.margins import max_difference
-    >>> half, w = max_difference(pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.5))
-    >>> print(f"{1 / half:.4f} {w:.3f}")
-    0.8832 1.030
-    """
-    return axis_of(loop).peak(DIFFERENCE)
-
-
 def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     r"""Largest gain Mks from measurement noise to control signal, and the frequency where it lies.
 

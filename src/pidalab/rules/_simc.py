@@ -189,12 +189,8 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     den = np.trim_zeros(model.den, "b")
     integrators = model.den.size - den.size
     poles, zeros = roots(den), roots(model.num)
-    all_roots = np.concatenate([poles, zeros])
-    if (
-        integrators > 2
-        or np.any(poles.real >= 0)
-        or np.any(np.abs(all_roots.imag) > OSCILLATING * np.abs(all_roots))
-    ):
+    both = np.concatenate([poles, zeros])
+    if integrators > 2 or np.any(poles.real >= 0) or np.any(np.abs(both.imag) > OSCILLATING * np.abs(both)):
         raise ValueError(
             f"model must have real zeros, real stable poles and at most two integrators, found {model!r}"
         )
@@ -230,14 +226,14 @@ def _without_leads(
             gain *= lead / shorter if shorter >= delay else max(lead / delay, 1.0)
             continue
         kept = min(longer, max(5 * delay, lead))  # T3; equal to the lead in T2
-        shorter_lag = kept - lead
+        left_over = kept - lead
         if math.isinf(longer):
             integrators -= 1
             gain *= kept
         else:
             lags.remove(longer)
             gain *= kept / longer
-        lags += [shorter_lag] if shorter_lag > 0 else []
+        lags += [left_over] if left_over > 0 else []
     return gain, sorted(lags, reverse=True), integrators
 
 

@@ -170,19 +170,16 @@ def _textbook(
 
 def _itae(test: str) -> Rule:
     source, models = "heo2023, Table 1 and eqs. (9) and (12)", dict.fromkeys(("PID", "PIDA"), "second_order")
-    return Rule(f"itae {test}", source, models, _call_with_kind(itae.tune, test), _short("itae", test))
+    return Rule(f"itae {test}", source, models, _call_with_kind(itae.tune, test), "itae" * (test == "load"))
 
 
 def _direct(test: str) -> Rule:
-    source, models = "fitted to optima, not from a paper", {"PIDA": "second_order"}
-    return Rule(
-        f"direct {test}", source, models, lambda model, *_: direct.tune(model, test), _short("direct", test)
+    source, models, short = (
+        "fitted to optima, not from a paper",
+        {"PIDA": "second_order"},
+        "direct" * (test == "load"),
     )
-
-
-def _short(name: str, test: str) -> str:
-    """Return the short name of a rule for two tests, which is that for the load."""
-    return name if test == "load" else ""
+    return Rule(f"direct {test}", source, models, lambda model, *_: direct.tune(model, test), short)
 
 
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:

@@ -126,18 +126,11 @@ def largest(values):
     return result
 
 
-def _add_arrays(out, element):
-    """As `add`."""
-    wide = min(out.shape[1], element.shape[1])
-    out[:, :wide] += element[:, :wide]
-
-
-@plain(_add_arrays)
+@compiled
 def add(out, element):
     """Add a ring element that is no longer than the other one, or the beginning of one that is."""
-    for i in range(out.shape[0]):
-        for j in range(min(out.shape[1], element.shape[1])):
-            out[i, j] += element[i, j]
+    wide = min(out.shape[1], element.shape[1])
+    out[:, :wide] += element[:, :wide]
 
 
 @compiled

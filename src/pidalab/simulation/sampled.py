@@ -146,13 +146,13 @@ def simulate_sampled(
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
     reference = filtered(discretise(*loop.blocks["prefilter"], h), r)
     if loop.digital is None:
-        block, controller = sampled_controller(loop, h, at_rest, anti_windup)
-        step = program(controller, block=True)
+        block, k = sampled_controller(loop, h, at_rest, anti_windup)
+        step = program(k, block=True)
         code, _, numbers = operations(step, step.states)
     else:
-        block, controller = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
-        code, _, numbers = operations(program(controller), controller.at_rest())
-    rest = controller.y_offset, controller.bias
+        block, k = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
+        code, _, numbers = operations(program(k), k.at_rest())
+    rest = k.y_offset, k.bias
     y, u, area = run(code, numbers[:, None], block, rest, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
@@ -390,16 +390,12 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
 def _linear(loop: Loop) -> Loop:
     """Return the loop without limits and deadband."""
     require_loop(loop)
-    controller, none = loop.controller, (-math.inf, math.inf)
+    k, none = loop.controller, (-math.inf, math.inf)
     if loop.digital is not None:
-        controller = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
+        k = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
     elif loop.limits != none:
-        controller = replace(controller, limits=none)
-    return (
-        loop
-        if controller is loop.controller
-        else Loop(loop.process, controller, loop.output_filter, loop.prefilter)
-    )
+        k = replace(k, limits=none)
+    return loop if k is loop.controller else Loop(loop.process, k, loop.output_filter, loop.prefilter)
 
 
 def _lengths(loop: Loop, h: float) -> list[int]:

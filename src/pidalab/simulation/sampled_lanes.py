@@ -43,9 +43,7 @@ step_all = stepper(LANES)
 
 
 @compiled
-def run(
-    controllers: Controllers, plant: Steps, h: float, reference: Array, load: Array, noise: Array
-) -> Array:
+def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array, noise: Array) -> Array:
     """Run the loops of all lanes and return their measures, shape (measures, LANES).
 
     Notes
@@ -57,7 +55,7 @@ def run(
     """
     states = plant.c.size
     # a set point that never leaves 0 keeps its prefilter at rest
-    degree = controllers.prefilter_gamma.shape[0] if reference.any() else 0
+    degree = bank.prefilter_gamma.shape[0] if reference.any() else 0
     # a ring of the inputs of the plant, as long as its dead time
     size = plant.lag_samples[0] + 1
     past = np.zeros((size, LANES))
@@ -66,7 +64,7 @@ def run(
     x, x_new = np.zeros((states, LANES)), np.zeros((states, LANES))
     f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
     # signals, their values one sample ago, and what the measures need
-    numbers = controllers.numbers
+    numbers = bank.numbers
     setpoint, measurement, control = numbers[op.SETPOINT], numbers[op.MEASUREMENT], numbers[op.CONTROL]
     y, y_old = np.zeros(LANES), np.zeros(LANES)
     area_old, u_old = np.zeros(LANES), np.zeros(LANES)
@@ -91,16 +89,16 @@ def run(
         area_old[:] = area
 
         # filtered set point, and the prefilter one sample on
-        _scale(controllers.prefilter_d, reference[k], setpoint)
+        _scale(bank.prefilter_d, reference[k], setpoint)
         if degree:
-            _add_products(controllers.prefilter_c, f, setpoint)
+            _add_products(bank.prefilter_c, f, setpoint)
             for row in range(degree):
-                _scale(controllers.prefilter_gamma[row], reference[k], f_new[row])
-                _add_products(controllers.prefilter_phi[row], f, f_new[row])
+                _scale(bank.prefilter_gamma[row], reference[k], f_new[row])
+                _add_products(bank.prefilter_phi[row], f, f_new[row])
             f, f_new = f_new, f
         for i in range(LANES):
             measurement[i] = y[i] + noise[k]
-        step_all(controllers.code, numbers)
+        step_all(bank.code, numbers)
         u = past[slot]
         u[:] = control
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
