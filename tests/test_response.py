@@ -317,7 +317,7 @@ def test_step_information_of_a_process():
     assert swing.overshoot() == swing.overshoot(final=3.0)
     assert swing.peak_time() == pytest.approx(np.pi / root, rel=1e-6)
     integrating = pidalab.open_loop_step(pidalab.ipdt(1.0, delay=0.0), np.linspace(0.0, 4.0, 41))
-    with pytest.raises(ValueError, match=r"overshoot needs a final value other than 0.* static gain"):
+    with pytest.raises(ValueError, match=r"overshoot needs a final value other than 0"):
         integrating.overshoot()
 
 
