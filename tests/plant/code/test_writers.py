@@ -1,4 +1,4 @@
-"""Any text at all through all that is written: C compiles, Python runs, the others parse, and nothing comes in."""
+"""Any text in written files: C compiles, Python runs, the others parse, and no text becomes code."""
 
 import ast
 import html.parser
@@ -22,22 +22,8 @@ from pidalab.plant.code.files import LANGUAGES
 
 K = PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 100.0), bias=40.0)
 # what ends comments, strings and lines in some language, alone and so that taking one out makes another
-ENDS = [
-    "*/",
-    "*)",
-    '"""',
-    '*"""/',
-    '"*/""',
-    "**//",
-    "(*",
-    "/*",
-    "\\",
-    "??/",
-    "//",
-    "'''",
-    "\\u002a/",
-    "#include",
-]
+ENDS = ["*/", "*)", '"""', '*"""/', '"*/""', "**//", "(*", "/*", "\\", "??/", "//"]
+ENDS += ["'''", "\\u002a/", "#include"]
 ENDS += ["\n", "\r", "\u2028", "\x85", "\x1b", "\x00", "\ud800", "\u202e", "int x = 1;", "x = 1"]
 ENDS += ["<script>", "&lt;", "]]>", "-->", "%>", "{{", "{%", "=cmd()"]
 TEXTS = st.lists(st.one_of(st.sampled_from(ENDS), st.text(max_size=12)), max_size=12).map("".join)
@@ -45,7 +31,7 @@ WITHOUT = {language: getattr(K, language)() for language in LANGUAGES}
 
 
 def body(code, language):
-    """What is behind the head."""
+    """Return the code after the head."""
     end = {"c": "*/", "structured_text": "*)", "python": '"""'}[language]
     return code[code.index(end, 3) + len(end) :]
 
@@ -111,7 +97,7 @@ def report():
 
 @drawn.cases(3)
 @given(title=TEXTS, line=TEXTS)
-def test_a_page_has_no_tag_of_others(report, title, line):
+def test_page_has_no_foreign_tag(report, title, line):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "report.html")
         usual = tags(report.html(path, "a", [("Record", "b")]))
@@ -120,9 +106,9 @@ def test_a_page_has_no_tag_of_others(report, title, line):
         assert found == usual
 
 
-def test_the_head_is_the_same_on_every_day_and_says_what_it_is_for():
+def test_head_is_reproducible():
     assert K.c() == K.c()
-    assert "in the time unit of the controller" in K.c()
+    assert "in the time unit of the parameters" in K.c()
     assert "Sample time: 0.5 min\n" in K.c(time_unit="min")
     assert "Record: Ofen 3.csv\n" in K.c(record="Ofen/3.csv")
     assert "and 60 more lines" in K.c(note="x\n" * 100)
