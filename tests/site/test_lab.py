@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from looking import NARROW, OVERFLOW, barriers, mark_kinds
+from looking import NARROW, OVERFLOW, barriers
 from pictured import plots
 
 NUMBER = r"(\d[\d.]*)"
@@ -745,5 +745,4 @@ def test_dark_on_a_phone(lab):
     assert page.locator("html").get_attribute("data-theme") == "dark"
     assert page.evaluate(OVERFLOW) <= 1
     assert page.locator(".lab-plots svg").count() == 6
-    mark_kinds(page)
     assert barriers(page, runOnly=["color-contrast"]) == []
