@@ -1,11 +1,11 @@
-"""Step tests on random plants of shapes that no model here has, tuned on, and judged on the plants themselves.
+"""Tune on step tests of random plants with shapes that no model here has, and evaluate on the plants themselves.
 
-Aims, set before the first run: no unstable loop; a true sampled Ms of at most 2.0 on 97 % of the designs and within the
-worst Ms that was reported on 95 %; that worst always finite; at most 15 % of the records refused. Only records for
-which there is a design count in the first three.
+Aims, set before the first run: no unstable loop, a true sampled Ms of at most 2.0 for 97 % of the designs and within
+the reported worst Ms for 95 %, a finite worst Ms, and at most 15 % of the records refused. Only records with a design
+count in the first three.
 
-Run it from the root of the project: ``python studies/strangers.py --seed 1``. It writes book/data/strangers.csv, goes
-on where it stopped, and draws all anew with another seed. A quarter of an hour of one core.
+Run it from the root of the project: ``python studies/strangers.py --seed 1``. It writes book/data/strangers.csv. It
+continues where it stopped, and starts again with another seed. It takes a quarter of an hour on one core.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ DRAWN = ("seed", "number", "shape", "fault", "kind", "noise")
 FOUND = ("model", "ms_true", "ms_worst", "price", "refusal")
 STUCK = 0.15  # largest share of the step by which a valve stops short of it
 CHANGE = 0.3  # of the gain from the beginning to the end of the step
-DRIFT = 0.05  # largest, of the whole answer, over the record
+DRIFT = 0.05  # largest, as a share of the answer, over the record
 
 
 def plant(shape: str, rng: np.random.Generator) -> tuple[Process, float]:
-    """Draw a plant of a shape, with a gain of 1, and return the sum of its times, too."""
+    """Draw a plant of a shape with a gain of 1. Also return the sum of its times."""
     times = np.exp(rng.uniform(np.log(0.1), 0.0, size=rng.integers(2, 6)))
     delay = times.sum() * rng.uniform(0.05, 0.5)
     num, den = np.ones(1), np.prod(times) * np.poly(-1 / times)
@@ -42,8 +42,8 @@ def plant(shape: str, rng: np.random.Generator) -> tuple[Process, float]:
     elif shape == "zero right":
         num = np.array([-times.max() * rng.uniform(0.1, 1.0), 1.0])
     elif shape == "light damping":
-        own = times.sum()
-        den = np.convolve([own**2, 2 * rng.uniform(0.15, 0.6) * own, 1.0], [times.min(), 1.0])
+        tau = times.sum()
+        den = np.convolve([tau**2, 2 * rng.uniform(0.15, 0.6) * tau, 1.0], [times.min(), 1.0])
     elif shape == "long dead time":
         delay = times.sum() * rng.uniform(1.0, 4.0)
     elif shape == "integrator":
@@ -54,17 +54,19 @@ def plant(shape: str, rng: np.random.Generator) -> tuple[Process, float]:
     return Process(scaled[0] * gain, scaled[1], delay * scale), (times.sum() + delay) * scale
 
 
-def experiment(own: Process, whole: float, fault: str, rng: np.random.Generator) -> tuple[Any, list[Process]]:
-    """Simulate a step, a pulse or two steps; return the record, and what the plant is where the input is."""
-    h = whole / rng.uniform(15.0, 40.0)
-    integrates = own.den[-1] == 0
-    rest, step = whole * rng.uniform(0.5, 2.0), 10.0 ** rng.uniform(-1.0, 2.0)
-    held = whole * rng.uniform(2.0, 4.0) if integrates else whole * rng.uniform(4.0, 8.0)
+def experiment(
+    process: Process, total: float, fault: str, rng: np.random.Generator
+) -> tuple[Any, list[Process]]:
+    """Simulate a step, a pulse or two steps. Return the record, its noise, and the plant at both ends of the step."""
+    h = total / rng.uniform(15.0, 40.0)
+    integrates = process.den[-1] == 0
+    rest, step = total * rng.uniform(0.5, 2.0), 10.0 ** rng.uniform(-1.0, 2.0)
+    held = total * rng.uniform(2.0, 4.0) if integrates else total * rng.uniform(4.0, 8.0)
     t = h * np.arange(round((rest + 2 * held) / h))
     second = 0.0 if integrates else rng.choice([0.0, 0.5, 1.0])  # a pulse, two steps or one long step
     u = np.select([t < rest, t < rest + held], [0.0, 1.0], second)
     moved = u.copy()
-    if fault == "sticking valve":  # it follows only as far as the stem lets go
+    if fault == "sticking valve":  # it follows within the play of its stem
         play = rng.uniform(0.05, STUCK)
         for k in range(1, t.size):
             moved[k] = np.clip(moved[k - 1], u[k] - play, u[k] + play)
@@ -73,7 +75,7 @@ def experiment(own: Process, whole: float, fault: str, rng: np.random.Generator)
     if fault == "changing gain":
         moved = moved + 0.5 * CHANGE * moved**2
         slopes = [1.0, 1.0 + CHANGE]
-    y = pidalab.simulate(Loop(own, 0.0), t, load=moved).y
+    y = pidalab.simulate(Loop(process, 0.0), t, load=moved).y
     answer = float(np.ptp(y))
     y = y + answer * (rng.uniform(0.0, DRIFT) * rng.choice([-1, 1]) * t / t[-1] if fault == "drift" else 0.0)
     noise = 10.0 ** rng.uniform(-3.0, -1.5)
@@ -81,48 +83,54 @@ def experiment(own: Process, whole: float, fault: str, rng: np.random.Generator)
     quantum = answer * rng.choice([0.0, 0.002, 0.01])
     y = np.round(y / quantum) * quantum if quantum else y
     record = pidalab.Record(t, 40.0 + step * u, 20.0 + gain * step * y)
-    return (record, noise), [Process(own.num * gain * slope, own.den, own.delay) for slope in slopes]
+    return (record, noise), [
+        Process(process.num * gain * slope, process.den, process.delay) for slope in slopes
+    ]
 
 
 def ms(loop: Loop) -> float:
-    """Ms of the sampled loop, infinite where it is unstable."""
+    """Return Ms of the sampled loop, infinite if unstable."""
     return pidalab.max_sensitivity(loop)[0] if pidalab.is_stable(loop) else np.inf
 
 
 def judged(seed: int, number: int) -> dict[str, Any]:
-    """Go from a plant to the sampled Ms of the controller that its record gave."""
+    """Tune on the record of a plant and return the sampled Ms with the plant."""
     rng = np.random.default_rng([seed, number])
     shape, kind = SHAPES[number % len(SHAPES)], KINDS[number // len(SHAPES) % len(KINDS)]
     fault = FAULTS[int(rng.integers(len(FAULTS)))]
-    own, whole = plant(shape, rng)
-    (record, noise), plants = experiment(own, whole, fault, rng)
+    process, total = plant(shape, rng)
+    (record, noise), plants = experiment(process, total, fault, rng)
     row = dict(zip(DRAWN, (seed, number, shape, fault, kind, f"{noise:.2g}"), strict=True))
     try:
         fit = pidalab.identification.fit(record)
         row["model"] = fit.model
-        made = pidalab.tune(fit, kind, sample_time=record.sampling)
+        design = pidalab.tune(fit, kind, sample_time=record.sampling)
     except ValueError as refusal:
         return row | {"refusal": " ".join(str(refusal).split())}
-    code = made.controller.discretise(record.sampling, "backward", made.output_filter)
-    true = max(ms(Loop(one, code)) for one in plants)
-    return row | {"ms_true": f"{true:.3f}", "ms_worst": f"{made.ms_worst:.3f}", "price": f"{made.price:.2f}"}
+    code = design.controller.discretise(record.sampling, "backward", design.output_filter)
+    true = max(ms(Loop(true_plant, code)) for true_plant in plants)
+    return row | {
+        "ms_true": f"{true:.3f}",
+        "ms_worst": f"{design.ms_worst:.3f}",
+        "price": f"{design.price:.2f}",
+    }
 
 
 def main() -> None:
-    """Judge those that are not in the table yet."""
+    """Evaluate the plants that are not in the table yet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--count", type=int, default=200)
     given = parser.parse_args()
     rows = list(csv.DictReader(OUT.open(encoding="utf-8"))) if OUT.exists() else []
     rows = [row for row in rows if row["seed"] == str(given.seed)]
-    left = range(len(rows), given.count)
+    missing = range(len(rows), given.count)
     with OUT.open("w", encoding="utf-8", newline="") as file, ProcessPoolExecutor(2) as pool:
         table = csv.DictWriter(file, DRAWN + FOUND, lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
         file.flush()
-        for row in pool.map(judged, [given.seed] * len(left), left):
+        for row in pool.map(judged, [given.seed] * len(missing), missing):
             table.writerow(row)
             file.flush()
 

@@ -1,6 +1,6 @@
-"""Tune on plant records of others, which lie in a folder, and write what came of each as a table.
+"""Tune on public plant records in a folder, and write the results as a table.
 
-The records are listed with their sources and columns in foreign.toml. They are not part of this repository.
+foreign.toml lists the records with their sources and columns. They are not part of this repository.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FOUND = ("samples", "experiment", "model", "gain", "nrmse", "holdout", "ms", "ms
 
 
 def listed() -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
-    """Yield place in the folder, source and options of each record."""
+    """Yield path in the folder, source and options of each record."""
     for source in tomllib.loads(LIST.read_text(encoding="utf-8"))["source"]:
         for name, known in source["records"].items():
             about = {key: str(known.get(key, source.get(key, ""))) for key in ABOUT}
@@ -31,7 +31,7 @@ def listed() -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
 
 
 def read(path: Path, options: dict[str, Any]) -> pidalab.Record:
-    """Read a record from a text file, or from a Matlab file whose columns are those of its arrays, in order."""
+    """Read a record from a text file, or from a Matlab file whose columns are its arrays in order."""
     if path.suffix != ".mat":
         return pidalab.Record.read_csv(path, **options)
     from scipy.io import loadmat
@@ -44,7 +44,7 @@ def read(path: Path, options: dict[str, Any]) -> pidalab.Record:
 
 
 def tried(path: Path, options: dict[str, Any], kind: str) -> dict[str, object]:
-    """Go from a file to a design as far as it goes."""
+    """Read, fit and tune, and return the results or the refusal."""
     row: dict[str, object] = {}
     try:
         record = read(path, options)
@@ -61,7 +61,7 @@ def tried(path: Path, options: dict[str, Any], kind: str) -> dict[str, object]:
 
 
 def main() -> None:
-    """Write the table row by row."""
+    """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, required=True, help="CSV file")

@@ -17,6 +17,7 @@ import tempfile
 import tomllib
 import zipfile
 from collections.abc import Iterator
+from importlib.metadata import distribution
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -84,17 +85,19 @@ def files() -> Iterator[tuple[str, bytes]]:
                 path.parts
             ):
                 yield f"site/{name}/{path.relative_to(folder).as_posix()}", path.read_bytes()
+    metadata = distribution("pidalab")  # the library asks for its version
+    yield (
+        f"site/pidalab-{metadata.version}.dist-info/METADATA",
+        (metadata.read_text("METADATA") or "").encode(),
+    )
     for path in sorted((ROOT / "book").rglob("*")):
         inside = path.relative_to(ROOT)
         if path.suffix in (".py", ".csv", ".toml") and inside.parts[1] not in ("_ext", "_static"):
             yield inside.as_posix(), path.read_bytes()
         elif path.suffix == ".ipynb" and not any(part.startswith(".") for part in inside.parts):
             yield inside.with_suffix(".json").as_posix(), json.dumps(cells(path)).encode()
-    for path in (
-        ROOT / "book" / "_static" / "run" / "session.py",
-        ROOT / "book" / "_ext" / "figures_for_dark.py",
-    ):
-        yield f"site/{path.name}", path.read_bytes()
+    for name in ("_static/run/session.py", "_ext/figures_for_dark.py", "_ext/accessible.py"):
+        yield f"site/{Path(name).name}", (ROOT / "book" / name).read_bytes()
     fonts = home("matplotlib") / "mpl-data"
     for path in sorted(found for pattern in WANTED["data"] for found in fonts.glob(pattern)):
         yield f"mpl/{path.relative_to(fonts).as_posix()}", path.read_bytes()

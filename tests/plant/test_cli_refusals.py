@@ -1,8 +1,7 @@
-"""Whatever a file or an argument says: one line of ours, which a terminal only prints."""
+"""Refusals of the command line: one line that names the argument and the remedy, and that a terminal can print."""
 
 import json
 import math
-import re
 
 import pytest
 from click.testing import CliRunner
@@ -15,26 +14,26 @@ from pidalab.plant.ultimate import relay_oscillation
 K = pidalab.PIDA(2.0, 4.0).discretise(0.5)
 LOOP = ("simulate", "--den", "1,1", "--until", "9")
 EVIL = "\x1b]0;title\x07\x1b[2J\u202e\nMargins\n  Ms = 1.2 \x9b31m"
+QUICK = ("--sample-time", 1, "--kind", "PI", "--rule", "simc", "--model", "fopdt")
 
 
 def run(*arguments):
-    return CliRunner().invoke(main, [str(x) for x in arguments])
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
 
 
-def acts(text):
-    """What a terminal would act on, or hide."""
+def control_characters(text):
     return [x for x in text if not x.isprintable() and x != "\n"]
 
 
-def test_names_of_others_reach_a_terminal_as_text(tmp_path):
+def test_foreign_names_reach_a_terminal_as_text(tmp_path):
     stored = json.loads(K.json()) | {"controller": EVIL}
     stored["checksum"] = checksum(stored)
     path = tmp_path / "controller.json"
     path.write_text(json.dumps(stored), encoding="utf-8")
     shown = run(*LOOP, "--controller", path)
-    assert shown.exit_code == 0
-    assert not acts(shown.output)
+    assert (shown.exit_code, control_characters(shown.output)) == (0, [])
     assert [line for line in shown.output.splitlines() if line[:1].strip()] == ["Loop", "Margins", "Measures"]
+    assert not control_characters(repr(pidalab.digital.from_json(json.dumps(stored))))
     try:
         (tmp_path / f"{EVIL}.csv").write_text("", encoding="utf-8")
         (tmp_path / f"{EVIL}.json").write_text("", encoding="utf-8")
@@ -47,173 +46,101 @@ def test_names_of_others_reach_a_terminal_as_text(tmp_path):
         (*LOOP, "--kp", 1, "--out", tmp_path / f"{EVIL}.txt"),
     ):
         done = run(*command)
-        assert not acts(done.output), command
+        assert not control_characters(done.output), command
         assert done.exit_code == (0 if ".txt" in str(command[-1]) else 1)
-    assert not acts(repr(pidalab.digital.from_json(json.dumps(stored)))), "in a program, too"
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A record of a step from 40 to 47, and a controller, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    rows = (f"{k},{40 if k < 10 else 47},{20 + 10 * (1 - 0.8 ** max(0, k - 12)):.3f}" for k in range(60))
+    (tmp_path / "step.csv").write_text("\n".join(["t,u,y", *rows]), encoding="utf-8")
+    (tmp_path / "k.json").write_bytes(K.json().encode("utf-8-sig"))  # as some editors save it
+    return tmp_path
+
+
+TUNE, CHECK = ("tune", "step.csv", *QUICK), ("check", "step.csv", "--kp", 1)
+MIXED = "--firmware with --kp, --ki"
+MESSAGES = [  # exit status, part of the message, command
+    (1, "more memory than there is", (*LOOP, "--kp", 1, "--delay", 1e300)),
+    (1, "rule must be a file", ("benchmark", "no.py:f")),
+    (1, "no column 'pressure'", (*TUNE, "--y", "pressure")),
+    (1, "ms must be above 1", (*TUNE, "--ms", 0.9)),
+    (1, "ms must be at most 5", (*TUNE, "--ms", 50)),
+    (1, "runs from 40 to 47, found 50 and 100", (*TUNE, "--u-min", 50, "--u-max", 100)),
+    (1, "found 100 and 0", (*TUNE, "--u-min", 100, "--u-max", 0)),
+    (1, "found 40 and 40", (*TUNE, "--u-min", 40, "--u-max", 40)),
+    (1, "found nan and inf", (*TUNE, "--u-min", "nan")),
+    (1, "found -inf and 45", (*TUNE, "--u-max", 45)),
+    (1, "--full-output must not be 0", (*TUNE, "--full-output", 0)),
+    (1, "--full-output must be finite", (*TUNE, "--full-output", "nan")),
+    (1, "--filter must be at least 0, found -1", (*CHECK, "--ti", 5, "--filter", -1)),
+    (1, "--filter must be finite", (*CHECK, "--ti", 5, "--filter", "nan")),
+    (1, "p, i and d must have one sign", (*CHECK, "--firmware", "klipper", "--ki", 1, "--kd", -1)),
+    (1, "p, i and d must have one sign", (*CHECK, "--firmware", "klipper", "--ki", -1)),
+    (1, "--until must be above 0", (*LOOP[:-1], 0, "--kp", 1)),
+    (2, "--b", (*TUNE, "--b", 5)),
+    (2, "--rate-limit", (*TUNE, "--rate-limit", 0)),
+    (2, "--anti-windup", (*TUNE, "--anti-windup", "on")),
+    (2, "--sample-time", ("tune", "step.csv")),
+    (2, "nowhere.csv", ("tune", "nowhere.csv", "--sample-time", 1)),
+    (2, "--num", ("compare", "--num", "one", "--den", "1,1")),
+    (2, "--delay", (*LOOP, "--kp", 1, "--delay", "x")),
+    (2, "give --kp", LOOP),
+    (2, "--u-min", (*LOOP, "--kp", 1, "--u-min", 0)),
+    (2, "--u-max", (*LOOP, "--kp", 1, "--u-max", 1)),
+    (2, "--until must be at most 1e+07 samples", (*LOOP, "--kp", 1, "--sample-time", 1e-9)),
+    (2, "give --ku and --tu", ("rule", "--ku", 2)),
+    *((2, MIXED, (*CHECK, *x)) for x in ((), ("--ti", 5, "--ki", 1), ("--ti", 5, "--kd", 1), ("--ki", 1))),
+    (2, MIXED, (*CHECK, "--firmware", "klipper")),
+    *((2, MIXED, (*CHECK, "--firmware", "klipper", "--ki", 1, x, 5)) for x in ("--ti", "--td", "--ta")),
+    *((2, f"leave out {x}", (*LOOP, "--controller", "k.json", x, 1)) for x in ("--kp", "--ti", "--td")),
+    *((2, f"leave out {x}", (*LOOP, "--controller", "k.json", x, 1)) for x in ("--ta", "--n", "--m")),
+    (2, "leave out --sample-time", (*LOOP, "--controller", "k.json", "--sample-time", 1)),
+    (2, "'--out': must be a name", (*TUNE, "--out", "")),
+    (2, "'--out': must be a name", ("report", "step.csv", "--sample-time", 1, "--out", "")),
+    (2, "'--out': must be a name", (*LOOP, "--kp", 1, "--out", "")),
+    (2, "'--out': must be a name", ("benchmark", "rule.py:tune", "--out", "")),
+]
+
+
+@pytest.mark.parametrize(("status", "message", "command"), MESSAGES, ids=lambda x: None)
+def test_messages(files, monkeypatch, status, message, command):
+    monkeypatch.setattr("pidalab.plant.tuning.make_safe", lambda *_: pytest.fail("searched"))
+    before = sorted(files.iterdir())
+    done = run(*command)
+    assert (done.exit_code, message in done.stderr) == (status, True), done.output
+    assert isinstance(done.exception, SystemExit), repr(done.exception)
+    assert status == 2 or len(done.stderr.strip().splitlines()) == 1
+    assert sorted(files.iterdir()) == before
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"t,u\n1,2", "must be the JSON of a digital controller"),
         (K.json().encode("utf-16"), "codec can't decode"),
         (K.json().replace("0.25", "0.26").encode(), "changed by hand"),
     ],
 )
-def test_a_file_that_is_no_controller_is_named(tmp_path, content, said):
-    path = tmp_path / "mine.json"
-    path.write_bytes(content)
-    done = run(*LOOP, "--controller", path)
+def test_file_that_is_not_a_controller_is_named(files, content, message):
+    assert run(*LOOP, "--controller", "k.json").exit_code == 0
+    (files / "mine.json").write_bytes(content)
+    done = run(*LOOP, "--controller", files / "mine.json")
     assert done.exit_code == 1
-    assert "--controller" in done.stderr
-    assert "mine.json" in done.stderr
-    assert said in done.stderr
-    path.write_bytes(K.json().encode("utf-8-sig"))  # as some editors save it
-    assert run(*LOOP, "--controller", path).exit_code == 0
+    assert all(text in done.stderr for text in ("--controller", "mine.json", message))
 
 
-@pytest.mark.parametrize(
-    "option", ["--kp=1", "--ti=7", "--td=1", "--ta=1", "--n=5", "--m=5", "--sample-time=0.5"]
-)
-def test_a_controller_of_a_file_takes_no_gains_beside_it(tmp_path, option):
-    path = tmp_path / "controller.json"
-    path.write_text(K.json(), encoding="utf-8")
-    done = run(*LOOP, "--controller", path, option)
-    assert done.exit_code == 2
-    assert f"leave out {option.partition('=')[0]}" in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ((*LOOP, "--kp", "1", "--delay", "1e300"), "more memory than there is"),
-        (("tclab", "--duration", "inf"), "duration must be finite"),
-        (("tclab", "--duration", "nan"), "duration must be finite"),
-        (("tclab", "--sample-time", "0"), "sample_time must be above 0"),
-        (("tclab", "--duration", "1e12"), "more memory than there is"),
-        (("benchmark", "no.py:f"), "rule must be a file"),
-    ],
-)
-def test_arguments_beyond_all_measure_are_one_line(arguments, said):
-    done = run(*arguments)
-    assert done.exit_code == 1
-    assert isinstance(done.exception, SystemExit), repr(done.exception)
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert said in done.stderr
-
-
-def test_what_a_benchmark_writes_is_asked_about_before(tmp_path, monkeypatch):
-    (tmp_path / "rule.py").write_text("def tune(process): return None\n", encoding="utf-8")
-    folder = tmp_path / "out"
-    asked = []
-
-    class Found:
-        def __str__(self):
-            return "the ranking"
-
-        def csv(self, path):
-            path.write_text("rows", encoding="utf-8")
-            return path
-
-        def latex(self):
-            return "table"
-
-        def plot(self):
-            from matplotlib.figure import Figure
-
-            return Figure()
-
-    def judged(*given):
-        asked.append(given)
-        return Found()
-
-    monkeypatch.setattr("pidalab.comparison.benchmarking.benchmark", judged)
-    command = ("benchmark", f"{tmp_path / 'rule.py'}:tune", "--out", folder)
-    assert run(*command).exit_code == 0
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "benchmark.csv",
-        "benchmark.svg",
-        "benchmark.tex",
-    ]
-    (folder / "benchmark.tex").write_text("mine", encoding="utf-8")
-    done = run(*command)
-    assert (done.exit_code, "benchmark.tex" in done.stderr, "--force" in done.stderr) == (1, True, True)
-    assert (len(asked), (folder / "benchmark.tex").read_text(encoding="utf-8")) == (1, "mine")
-    assert run(*command, "--force").exit_code == 0
-    assert (folder / "benchmark.tex").read_text(encoding="utf-8") == "table"
-
-
-@pytest.mark.parametrize(
-    "option", ["--setpoint=nan", "--cooling=0", "--ms=1", "--cooling=nan", "--setpoint=inf"]
-)
-def test_the_board_is_not_heated_for_an_option_that_is_refused(monkeypatch, option):
-    monkeypatch.setattr("pidalab.plant.heater.Lab.step_test", lambda *_, **__: pytest.fail("heated"))
-    done = run("tclab", option)
-    assert done.exit_code == 1
-    assert f"{option.partition('=')[0]} must be" in done.stderr
-
-
-@pytest.fixture
-def step(tmp_path):
-    """A record of a step from 40 to 47."""
+def test_unsafe_design_is_refused_and_nothing_is_written(tmp_path):
     path = tmp_path / "log.csv"
-    rows = (f"{k},{40 if k < 10 else 47},{20 + min(max(0, k - 12), 9)}" for k in range(40))
-    path.write_text("\n".join(rows), encoding="utf-8")
-    return path
+    path.write_text(text(ROWS), encoding="utf-8")
+    options = ("--kind", "PI", "--sample-time", 1, "--rule", "ziegler-nichols", "--spread", 0.4)
+    done = run("tune", path, *options, "--out", tmp_path / "out")
+    assert (done.exit_code, "the model is too uncertain" in done.stderr) == (1, True), done.output
+    assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--u-min", 50, "--u-max", 100), "runs from 40 to 47, found 50 and 100"),
-        (("--u-min", 100, "--u-max", 0), "runs from 40 to 47, found 100 and 0"),
-        (("--u-min", 40, "--u-max", 40), "found 40 and 40"),
-        (("--u-min", "nan"), "found nan and inf"),
-        (("--u-max", 45), "runs from 40 to 47, found -inf and 45"),
-        (("--full-output", 0), "--full-output must not be 0"),
-        (("--full-output", "nan"), "--full-output must be finite"),
-    ],
-)
-def test_limits_of_the_code_are_checked_before_the_search(step, monkeypatch, options, said):
-    monkeypatch.setattr("pidalab.plant.fitting.fit", lambda *_: pytest.fail("fitted"))
-    done = run("tune", step, "--sample-time", 1, *options)
-    assert (done.exit_code, said in done.stderr) == (1, True), done.output
-
-
-def test_an_empty_name_is_no_place_to_write_to(step, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    before = sorted(tmp_path.iterdir())
-    for command in (
-        ("tune", step, "--sample-time", 1),
-        ("report", step, "--sample-time", 1),
-        (*LOOP, "--kp", 1),
-        ("tclab",),
-        ("benchmark", "rule.py:tune"),
-    ):
-        done = run(*command, "--out", "")
-        assert done.exit_code == 2
-        assert "'--out': must be a name, found an empty one" in done.stderr
-    assert sorted(tmp_path.iterdir()) == before
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--ti", 5, "--filter", -1), "--filter must be at least 0, found -1"),
-        (("--ti", 5, "--filter", "nan"), "--filter must be finite"),
-        (
-            ("--firmware", "klipper", "--ki", 1, "--kd", -1),
-            "p, i and d must have one sign, found 1, 1 and -1",
-        ),
-        (("--firmware", "klipper", "--ki", -1), "p, i and d must have one sign, found 1, -1 and 0"),
-    ],
-)
-def test_gains_of_a_running_loop_are_checked_by_name(step, options, said):
-    done = run("check", step, "--kp", 1, *options)
-    assert (done.exit_code, said in done.stderr) == (1, True), done.output
-
-
-PI = ("--kind", "PI", "--sample-time", 1)
 ROWS = [(k, 40 if k < 30 else 47, round(20 + 10 * (1 - 0.9 ** max(0, k - 32)), 3)) for k in range(120)]
 
 
@@ -221,8 +148,19 @@ def text(rows, head="time,u,y", form="{},{},{}"):
     return "\n".join([head, *(form.format(*row) for row in rows)])
 
 
+def unclipped(high=100.0):
+    """A log of an on-off loop whose first outputs are not clipped, and whose output has whole degrees."""
+    y, rows = 22.0, []
+    for k in range(400):
+        shown = round(y)
+        asked = 300.0 * ((25 if k < 50 else 30) - shown)
+        rows.append((k, asked if k < 12 else min(max(asked, 0.0), high), shown))
+        y += (22.0 + 0.12 * min(max(asked, 0.0), high) - y) / 110.0
+    return rows
+
+
 @pytest.mark.parametrize(
-    ("content", "options", "said"),
+    ("content", "options", "message"),
     {
         "another period": (text(ROWS), ("--period", 2), "period = 2 contradicts the file's own times"),
         "a clock for u": (text([(k, 21 * k, y) for k, _, y in ROWS]), (), "u rises or falls evenly"),
@@ -230,15 +168,15 @@ def text(rows, head="time,u,y", form="{},{},{}"):
         "the output for u": (text([(k, 2 * y + 1, y) for k, _, y in ROWS]), (), "u is a copy of y"),
         "two runs": (text(ROWS + ROWS), (), "at row 122, from 119 to 0: the file holds 2 runs"),
         "no such run": (text(ROWS + ROWS), ("--run", 3), "run must be at most 2"),
-        "a large Ms": (text(ROWS), ("--ms", 50), "ms must be at most 5"),
         "a word": (text(ROWS).replace("\n50,47", "\n50,open"), (), "row 52, column 1"),
+        "an unclipped output": (text(unclipped()), ("--model", "sopdt"), "is not what reached the plant"),
     }.values(),
 )
-def test_what_a_log_cannot_mean_is_refused_with_the_remedy(tmp_path, content, options, said):
+def test_impossible_logs_are_refused_with_the_remedy(tmp_path, content, options, message):
     path = tmp_path / "log.csv"
     path.write_text(content, encoding="utf-8")
-    done = run("tune", path, *PI, "--rule", "simc", "--model", "fopdt", *options)
-    assert (done.exit_code, said in done.stderr) == (1, True), done.output
+    done = run("tune", path, *QUICK, *options)
+    assert (done.exit_code, message in done.stderr) == (1, True), done.output
 
 
 @pytest.mark.parametrize(
@@ -251,10 +189,7 @@ def test_what_a_log_cannot_mean_is_refused_with_the_remedy(tmp_path, content, op
             ("--delimiter", ";"),
         ),
         "brackets": (
-            text(ROWS, " Sample Time   Command  Encoder 1 Pos", "{}  {}  {};")
-            .replace("\n0 ", "\n[ 0 ")
-            .replace(" Sample Time", "Sample Time")
-            + "]",
+            text(ROWS, "Sample Time   Command  Encoder 1 Pos", "{}  {}  {};").replace("\n0 ", "\n[ 0 ") + "]",
             ("--time", 0, "--y", "Encoder 1 Pos"),
         ),
         "second run": (text(ROWS + ROWS), ("--run", 2)),
@@ -265,31 +200,21 @@ def test_what_a_log_cannot_mean_is_refused_with_the_remedy(tmp_path, content, op
 def test_logs_are_read_as_they_are(tmp_path, content, options):
     path = tmp_path / "log.csv"
     path.write_text(content, encoding="utf-8")
-    done = run("tune", path, *PI, "--rule", "simc", "--model", "fopdt", "--ms-worst", 4, *options)
-    assert done.exit_code == 0, done.output
-    assert "Safe?" in done.stdout
+    done = run("tune", path, *QUICK, "--ms-worst", 4, *options)
+    assert (done.exit_code, "Safe?" in done.stdout) == (0, True), done.output
 
 
-def test_hold_out_at_or_below_0_is_no_model(tmp_path, monkeypatch):
-    """In tune and check alike."""
+def test_model_without_prediction_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("pidalab.plant.fitting.Fit.holdout", -0.09)
     path = tmp_path / "log.csv"
     path.write_text(text(ROWS), encoding="utf-8")
-    for command in (("tune", path, *PI), ("check", path, "--kp", 1, "--ti", 10)):
+    for command in (("tune", path, "--sample-time", 1), ("check", path, "--kp", 1, "--ti", 10)):
         done = run(*command, "--model", "fopdt")
         assert (done.exit_code, "the hold-out data" in done.stderr) == (1, True), done.output
 
 
-def test_rules_from_ultimate_gain_and_period(tmp_path):
-    done = run("rule", "--ku", 8.502, "--tu", 3.721)
-    (line,) = (line for line in done.stdout.splitlines() if re.match("Ziegler-Nichols +PID", line))
-    assert [float(x) for x in line.split()[2:5]] == pytest.approx([5.101, 1.8605, 0.4651], rel=1e-3)
-    assert float(line.split()[6]) > 2
-    assert run("rule", "--ku", 2).exit_code == 2
-
-
 @pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (-0.7, 1.3)])
-def test_a_relay_record_is_measured_right_with_its_bias(low, high):
+def test_relay_record_is_measured_right_with_its_bias(low, high):
     h, lag = 0.01, 5.0
     y, u, x, waiting = [], [], 0.0, [0.0] * 100
     for _ in range(6000):

@@ -28,17 +28,17 @@ def broken(row):
     return wrong
 
 
-def test_every_record_that_is_listed_is_in_the_table_with_its_source():
+def test_table_has_every_listed_record():
     about = [{key: row[key] for key in foreign.ABOUT} for row in table("foreign")]
     assert about == [source for _, source, _ in foreign.listed()]
     assert all(len(row["commit"]) == 40 and "/" in row["repository"] for row in about)
 
 
-def test_no_measured_record_gives_an_unsafe_controller():
+def test_measured_records_give_safe_controllers():
     assert {row["path"]: broken(row) for row in table("foreign") if broken(row)} == {}
 
 
-def test_most_readable_records_in_open_loop_give_one():
+def test_most_readable_records_give_a_controller():
     readable = [row for row in table("foreign") if row["experiment"] and not row["remark"]]
     assert sum(not row["result"].startswith("refused") for row in readable) >= SHARE * len(readable)
 
@@ -46,17 +46,17 @@ def test_most_readable_records_in_open_loop_give_one():
 @pytest.mark.parametrize(
     "change", [{"ms_worst": "2.01"}, {"ms_worst": "inf"}, {"gain": "-1"}, {"result": "refused: no"}]
 )
-def test_a_broken_promise_is_seen(change):
+def test_broken_rows_are_found(change):
     row = {"result": "a PID", "ms_worst": "2.00", "sign": "1", "gain": "0.5"}
     assert not broken(row)
     assert broken(row | change)
 
 
-def test_no_random_plant_gives_an_unstable_loop():
+def test_random_plants_give_stable_loops():
     assert "inf" not in {row["ms_true"] for row in table("strangers")}
 
 
-def test_random_plants_keep_the_other_aims():
+def test_random_plants_reach_the_aims():
     rows = table("strangers")
     made = [{key: float(row[key]) for key in ("ms_true", "ms_worst")} for row in rows if not row["refusal"]]
     assert len({row["seed"] for row in rows}) == 1

@@ -51,7 +51,7 @@ def controller(h=1.0):
     return pidalab.PIDA(kp=5.0, ti=80.0).discretise(h, limits=(0.0, 100.0))
 
 
-def test_step_test_gives_the_numbers_of_the_simulated_lab(capsys):
+def test_step_test_identifies_the_simulated_lab(capsys):
     with Lab() as lab:
         record = lab.step_test()
     fitted = fit(record)
@@ -65,7 +65,7 @@ def test_step_test_gives_the_numbers_of_the_simulated_lab(capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_the_loop_reaches_its_set_point_and_meets_the_load():
+def test_closed_loop_rejects_the_load():
     load = np.where(np.arange(1201) < 700, 0.0, 80.0)
     with Lab() as lab:
         run = lab.closed_loop(controller(), 40.0, 1200.0, load)
@@ -77,7 +77,7 @@ def test_the_loop_reaches_its_set_point_and_meets_the_load():
     assert run.u.max() <= 100.0
 
 
-def test_runs_repeat_and_leave_the_random_numbers_of_others_alone():
+def test_runs_are_reproducible():
     random.seed(7)
     expected = random.random()
     random.seed(7)
@@ -87,7 +87,7 @@ def test_runs_repeat_and_leave_the_random_numbers_of_others_alone():
     assert not np.array_equal(first.y, other.y)
 
 
-def test_a_board_behind_the_same_calls(board):
+def test_connected_board(board):
     with Lab(connected=True) as lab:
         record = lab.step_test(duration=200.0, rest=20.0)
         run = lab.closed_loop(controller(2.0), 45.0, 100.0)
@@ -97,15 +97,15 @@ def test_a_board_behind_the_same_calls(board):
     assert board.off
 
 
-def test_the_heaters_are_turned_off_when_a_run_fails(board):
+def test_heaters_are_off_after_a_failure(board):
     with pytest.raises(ValueError, match="setpoint"), Lab(connected=True) as lab:
         lab.closed_loop(controller(), [1.0, 2.0], 100.0)
     assert board.off
 
 
-def test_without_the_package(monkeypatch):
+def test_missing_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "tclab", None)
-    with pytest.raises(ImportError, match=r"simulated too: pip install tclab"):
+    with pytest.raises(ImportError, match=r"also for simulation: pip install tclab"):
         Lab()
 
 

@@ -1,9 +1,10 @@
-"""Gains judged by simulated logs of loops whose plant is known: Ms, what the gains miss, sets to try, refusals."""
+"""Checks of running gains by simulated logs: Ms, distance from the best gains, sets to try, refusals."""
 
 import re
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import pidalab
 from pidalab.plant.checking import check, explained_by
@@ -48,8 +49,7 @@ LOGS = {
 
 
 @pytest.mark.parametrize("kind", LOGS)
-def test_the_interval_has_the_true_ms_and_is_narrow(kind):
-    """And a load is found where there is one; nothing slow is doubted."""
+def test_interval_has_the_true_ms_and_is_narrow(kind):
     found = check(LOGS[kind](), RUNNING, sample_time=H)
     assert found.fit._data.loaded == (kind in ("a step of the load", "both"))
     low, high = found.interval
@@ -58,7 +58,7 @@ def test_the_interval_has_the_true_ms_and_is_narrow(kind):
     assert not any("slow" in doubt for doubt in found.doubts)
 
 
-def test_gains_that_miss_much_are_told_how_much_and_three_safe_sets():
+def test_timid_gains_get_three_safe_sets():
     timid = pidalab.PIDA(kp=0.3, ti=20.0)
     found = check(fit(log(setpoint=steps((20, 1.0))), "fopdt"), timid, sample_time=H)
     assert [row.rule for row in found.rows] == ["now", "best like it", "calmer", "same noise", "faster"]
@@ -81,7 +81,7 @@ def test_gains_that_miss_much_are_told_how_much_and_three_safe_sets():
     assert re.search(r"faster .* kp = \S+, ti = \S+, filter", said)
 
 
-def test_the_optimum_itself_misses_nothing(monkeypatch):
+def test_optimal_gains_have_no_loss(monkeypatch):
     monkeypatch.setattr("pidalab.plant.checking.SETS", {})  # each takes seconds, and plays no part
     fitted = fit(log(setpoint=steps((20, 1.0))), "fopdt")
     design = pidalab.tune(fitted.process, "PI", ms=1.5, noise_gain=0.5, sample_time=H)
@@ -89,21 +89,17 @@ def test_the_optimum_itself_misses_nothing(monkeypatch):
 
 
 @pytest.mark.parametrize("record", [lambda: log(), lambda: log(load=0.02 * steps((20, 1.0)))])
-def test_a_log_that_shows_nothing_is_refused_with_what_would_do(record):
-    with pytest.raises(
-        ValueError, match="needs a change of the set point, a step of the load or a bump of u"
-    ):
+def test_uninformative_log_is_refused(record):
+    with pytest.raises(ValueError, match="needs a change of the set point"):
         check(record(), RUNNING)
 
 
 def test_gains_of_the_wrong_sign_are_refused():
-    with pytest.raises(
-        ValueError, match=r"gains of the sign of the plant's, found kp = -0\.6 for a plant of gain 2"
-    ):
+    with pytest.raises(ValueError, match=r"found kp = -0\.6 for a plant of gain 2"):
         check(fit(bumped(), "fopdt"), -1 * RUNNING)
 
 
-def test_without_integral_action_and_digital_controllers_are_refused():
+def test_unsuitable_controllers_are_refused():
     with pytest.raises(ValueError, match="integral action"):
         check(bumped(), pidalab.PIDA(kp=0.6, ti=np.inf))
     with pytest.raises(TypeError, match="DigitalController"):
@@ -112,7 +108,7 @@ def test_without_integral_action_and_digital_controllers_are_refused():
         check(fit(bumped(), "fopdt"), RUNNING, ms_worst=1.0)
 
 
-def test_gains_that_cannot_have_run_are_doubted_and_safe_ones_given(monkeypatch):
+def test_unstable_gains_are_doubted_and_safe_ones_given(monkeypatch):
     monkeypatch.setattr("pidalab.plant.checking.SETS", {"calmer": (1.4, 0.5), "faster": (1.8, 2.0)})
     found = check(fit(bumped(), "fopdt"), 10 * RUNNING, sample_time=H)
     assert found.ms == np.inf
@@ -124,7 +120,7 @@ def test_gains_that_cannot_have_run_are_doubted_and_safe_ones_given(monkeypatch)
 
 
 @pytest.mark.parametrize(("share", "doubted"), [(1.0, False), (4.0, True), (0.2, True)])
-def test_gains_that_did_not_make_the_log_are_named(share, doubted):
+def test_gains_that_did_not_make_the_log(share, doubted):
     given = pidalab.PIDA(kp=share * RUNNING.kp, ti=RUNNING.ti)
     explained, gain = explained_by(given, None, log(setpoint=steps((20, 1.0))))
     assert (explained < 0.8) is doubted
@@ -132,21 +128,58 @@ def test_gains_that_did_not_make_the_log_are_named(share, doubted):
     assert np.isnan(explained_by(given, None, bumped())[0])  # in open loop the controller made nothing
 
 
-@pytest.mark.parametrize("seed", np.random.default_rng(5).integers(0, 100, 4))
-def test_intervals_of_closed_loops_contain_the_plant(seed):
-    """With white noise and a load step; of seeds 0 to 99, 90 or more do so for each parameter."""
-    found = fit(log(load=steps((20, 1.0)), noise=0.05, seed=int(seed)), "fopdt", load=True)
-    for name, true in {"gain": 2.0, "lag": 12.0, "delay": 4.0}.items():
-        assert abs(found.parameters[name] - true) < 3.3 * found.uncertainty[name]
+def random_log(seed):
+    """Log a random first-order plant under a PI, with noise and steps of the set point, the load or both.
+
+    One log in three has white noise only, one has noise that is partly slow, and one has a wandering load as well.
+    """
+    rng = np.random.default_rng([62, seed])
+    n = int(rng.integers(200, 600))
+    t = np.arange(float(n))
+    lag = rng.uniform(6, 25)
+    delay, gain = rng.uniform(0.1, 1.0) * lag, rng.choice([-1, 1]) * 10 ** rng.uniform(-1, 1)
+    kp = rng.uniform(0.3, 0.6) * lag / (gain * delay) if delay > 1 else 0.4 * lag / gain / delay
+    running = pidalab.PIDA(kp=np.sign(kp) * min(abs(kp), 5 / abs(gain)), ti=min(lag, 8 * delay))
+    loop = pidalab.Loop(pidalab.fopdt(gain, lag, delay), running.discretise(1.0))
+    size, steps, disturbance = rng.uniform(0.5, 2.0), seed % 3, seed // 3 % 3
+    setpoint = np.where(t >= rng.integers(20, 60), size, 0.0)
+    if rng.random() < 0.5:
+        setpoint = setpoint - np.where(t >= rng.integers(n // 2, n - 60), size, 0.0)
+    load, setpoint = np.zeros(n), setpoint * (steps != 1)
+    if steps:
+        load = np.where(t >= rng.integers(20, n // 2), size / abs(gain) * rng.choice([-1, 1]), 0.0)
+    noise = rng.normal(0, rng.uniform(0.01, 0.06) * size, n)
+    slow = rng.uniform(0.5, 0.95) if disturbance == 1 else 0.0
+    if disturbance == 2:
+        memory = rng.uniform(0.9, 1.0)
+        load = load + lfilter(
+            [1.0], [1.0, -memory], rng.normal(0, rng.uniform(0.01, 0.06) * size / abs(gain), n)
+        )
+    drift = lfilter(
+        [1.0], [1.0, -slow], rng.normal(0, rng.uniform(0.01, 0.06) * size, n) * np.sqrt(1 - slow**2)
+    )
+    noise = noise + drift * (disturbance == 1)
+    run = pidalab.simulate_sampled(loop, t, setpoint, load=load, noise=noise)
+    return pidalab.Record(t, 40 + run.u, 300 + run.y + noise), {"gain": gain, "lag": lag, "delay": delay}
 
 
-def test_slow_disturbances_widen_the_interval_of_a_closed_loop():
+def test_intervals_of_closed_loops_contain_the_plant():
+    """At least 90 % of the parameters lie within 1.96 standard uncertainties."""
+    inside = []
+    for seed in range(12):
+        record, true = random_log(seed)
+        fitted = fit(record, "fopdt", load=seed % 3 > 0)
+        inside += [abs(fitted.parameters[x] - true[x]) < 1.96 * fitted.uncertainty[x] for x in true]
+    assert np.mean(inside) >= 0.9
+
+
+def test_slow_disturbances_widen_intervals():
     found = fit(log(setpoint=steps((20, 1.0), (150, -1.0)), noise=0.1, slow=0.9, seed=3), "fopdt")
     assert any("closed loop" in doubt for doubt in found.doubts)
     assert abs(found.parameters["gain"] - 2.0) < 1.96 * found.uncertainty["gain"]
 
 
-def test_slow_disturbances_that_are_fed_back_are_doubted():
+def test_fed_back_disturbances_are_doubted():
     found = check(log(setpoint=steps((20, 0.5)), noise=0.25, slow=0.9), RUNNING, sample_time=H)
     assert any("slow disturbances make up about 14 %" in doubt for doubt in found.doubts)
     assert not found.fit._data.loaded

@@ -1,6 +1,4 @@
-"""The front door: every rule by name, what the design knows, what it doubts, what it refuses."""
-
-import math
+"""Tuning: limits that are kept, doubts and refusals."""
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from pidalab.plant.tuning import perturbed_plants
 THIRD = lags(3, delay=1.0)
 
 
-def test_the_optimum_keeps_what_it_promises_and_says_its_default():
+def test_optimum_keeps_its_limits_and_notes_the_default():
     design = tune(THIRD, "PID", ms=1.5)
     margins = pidalab.margins(design.loop())
     assert margins.ms == pytest.approx(design.ms, rel=1e-6)
@@ -25,7 +23,7 @@ def test_the_optimum_keeps_what_it_promises_and_says_its_default():
     )
 
 
-def test_sample_time_and_own_filter_are_part_of_the_design():
+def test_sample_time_and_filter_are_part_of_the_design():
     plain, slow = tune(THIRD, "PI"), tune(THIRD, "PI", sample_time=1.0)
     assert slow.controller.gains().ki < plain.controller.gains().ki
     filtered = tune(THIRD, "PI", output_filter=pidalab.lags(1, 1.0).rational_part())
@@ -33,19 +31,7 @@ def test_sample_time_and_own_filter_are_part_of_the_design():
     assert filtered.ms <= 1.6 * (1 + 1e-6)
 
 
-def test_limits_that_nothing_keeps_are_refused():
-    with pytest.raises(ValueError, match=r"no stable controller of order 0 .*; order 1 has some"):
-        tune(pidalab.Process([1.0], [1.0, 1.0, 0.0, 0.0]), "PI")
-
-
-def test_spread_prices_what_the_model_does_not_know():
-    design = tune(THIRD, "PI", spread=0.2)
-    assert 1.6 < tune(THIRD, "PI", spread=0.05).ms_worst < design.ms_worst <= 2.0 * (1 + 1e-6)
-    worst = pidalab.Loop(lags(3, 1.2, 1.2, delay=1.2), design.controller)
-    assert pidalab.margins(worst).ms <= design.ms_worst * (1 + 1e-9)
-
-
-def test_a_design_that_is_not_safe_with_all_plants_is_made_safer_at_a_price():
+def test_safe_design_has_a_price():
     bold, design = (tune(THIRD, "PID", spread=0.2, ms_worst=most) for most in (3.0, 2.0))
     assert bold.price == 1.0
     assert bold.ms == pytest.approx(1.6, rel=1e-6)
@@ -56,29 +42,22 @@ def test_a_design_that_is_not_safe_with_all_plants_is_made_safer_at_a_price():
     assert 1.01 < design.price == pytest.approx(design.iae / bold.iae, rel=1e-6)
 
 
-def test_plants_that_no_controller_serves_are_refused():
-    with pytest.raises(
-        ValueError, match=r"too uncertain for this controller: .* unstable .* a smaller spread"
-    ):
-        tune(pidalab.Process([1.0], [1.0, -1.0], 0.2), "PID", spread=0.5)
-
-
 @pytest.mark.parametrize(("kind", "sample_time"), [("PI", 0.5), ("PID", 0.2)])
-def test_the_sampled_loop_has_the_ms_that_is_asked_for(kind, sample_time):
+def test_sampled_loop_has_the_requested_ms(kind, sample_time):
     design = tune(THIRD, kind, sample_time=sample_time)
     loop = pidalab.Loop(THIRD, design.controller.discretise(sample_time, "backward"))
     assert 1.6 * 0.999 <= pidalab.margins(loop).ms <= 1.6 * (1 + 1e-6)
     assert design.ms_sampled == pytest.approx(pidalab.margins(loop).ms, rel=1e-9)
 
 
-def test_a_sample_time_slower_than_the_loop_and_a_filter_faster_than_it_are_doubted():
+def test_slow_sampling_and_fast_filter_are_doubted():
     slow = tune(fopdt(1.0, 2.0, 0.1), "PI", rule="simc", sample_time=1.0)
     assert any("the sample time of 1 is long for this loop" in doubt for doubt in slow.doubts)
     quick = tune(THIRD, "PID", rule="simc", sample_time=0.5)
-    assert any("faster than the sample of 0.5" in doubt for doubt in quick.doubts)
+    assert any("faster than the sample time of 0.5" in doubt for doubt in quick.doubts)
 
 
-def test_a_fit_brings_its_uncertainty_and_its_noise():
+def test_fit_provides_uncertainty_and_noise():
     t = np.arange(0.0, 80.0, 0.5)
     y = 2.0 * 5.0 * (1 - np.exp(-np.maximum(t - 14.0, 0.0) / 8.0)) + np.random.default_rng(0).normal(
         0, 0.1, t.size
@@ -92,61 +71,52 @@ def test_a_fit_brings_its_uncertainty_and_its_noise():
         tune(fitted, "PI", spread=0.99)
 
 
+RECORD = Record(np.arange(30.0), np.arange(30) >= 9.0, np.arange(30) >= 12.0)
+UNSTABLE = pidalab.Process([1.0], [1.0, -1.0], 0.2)
+
+
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("error", "message", "model", "options"),
     [
-        (lambda: tune(THIRD, "PIDD"), "kind must be 'PI', 'PID' or 'PIDA'"),
-        (lambda: tune(THIRD, "PI", ms=0.9), "ms must be above 1"),
-        (lambda: tune(THIRD, "PI", rule="itae"), "kind must be 'PID' or 'PIDA' for the rule 'itae load'"),
+        (ValueError, "kind must be 'PI', 'PID' or 'PIDA'", THIRD, {"kind": "PIDD"}),
+        (ValueError, "ms must be above 1", THIRD, {"ms": 0.9}),
         (
-            lambda: tune(pidalab.ipdt(1.0, 0.0), rule="mrdp"),
-            "model must have a dead time for the rule 'mrdp'",
+            ValueError,
+            "kind must be 'PID' or 'PIDA' for the rule 'itae load'",
+            THIRD,
+            {"kind": "PI", "rule": "itae"},
         ),
-        (lambda: tune(THIRD, "PI", noise_gain=1.0), "sample_time must be given with noise_gain"),
-        (lambda: tune(THIRD, "PI", rule="simc", spread=1.0), "spread must be a share below 1"),
-        (lambda: tune(THIRD, "PI", sample_time=0.0), "sample_time must be above 0"),
-        (lambda: tune(THIRD, "PI", sample_time=1e9), "sample_time must be at most 4 for this process"),
+        (ValueError, "model must have a dead time", pidalab.ipdt(1.0, 0.0), {"rule": "mrdp"}),
+        (ValueError, "noise_gain and sample_time must be given", pidalab.ipdt(1.0, 0.0), {"kind": "PI"}),
+        (ValueError, "sample_time must be given with noise_gain", THIRD, {"noise_gain": 1.0}),
+        (ValueError, "spread must be below 1", THIRD, {"spread": 1.0}),
+        (ValueError, "sample_time must be above 0", THIRD, {"sample_time": 0.0}),
+        (ValueError, "sample_time must be at most 4 for this process", THIRD, {"sample_time": 1e9}),
+        (ValueError, "no stable controller of order 0", pidalab.Process([1], [1, 1, 0, 0]), {"kind": "PI"}),
+        (
+            ValueError,
+            r"too uncertain .* unstable .* a smaller spread",
+            UNSTABLE,
+            {"kind": "PID", "spread": 0.5},
+        ),
+        (TypeError, "model", 1.0, {}),
+        (TypeError, r"found Record; fit one: identification\.fit\(record\)", RECORD, {}),
     ],
 )
-def test_refusals(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
-def test_what_is_no_model_says_what_to_pass():
-    with pytest.raises(TypeError, match="model"):
-        tune(1.0, "PI")
-
-    with pytest.raises(TypeError, match=r"found Record; fit one: identification\.fit\(record\)"):
-        tune(pidalab.Record(np.arange(30.0), np.arange(30) >= 9.0, np.arange(30) >= 12.0), "PI")
-
-
-@pytest.mark.parametrize(("lag", "sample_time"), [(3600.0, None), (1.0, 0.1)])
-def test_a_dead_time_that_no_loop_can_notice_is_left_out_and_said(lag, sample_time):
-    process = pidalab.fopdt(1.0, lag, 1e-9)
-    design = tune(process, "PI", sample_time=sample_time)
-    assert "the dead time of 1e-09 is left out" in design.doubts[0]
-    assert design.model.delay == 0.0
-    assert pidalab.margins(design.loop(process)).ms == pytest.approx(design.ms, rel=1e-3)
-    assert math.isfinite(design.iae)
-
-
-def test_an_integrator_alone_needs_a_limit():
-    with pytest.raises(
-        ValueError, match="noise_gain and sample_time must be given for integrators without lag"
-    ):
-        tune(pidalab.ipdt(1.0, 0.0), "PI")
+def test_refusals(error, message, model, options):
+    with pytest.raises(error, match=message):
+        tune(model, **options)
 
 
 @pytest.mark.parametrize(("kind", "order"), [("PI", 0), ("PID", 1), ("PIDA", 2)])
-def test_the_filter_of_the_magnitude_optimum_is_ten_times_faster_than_the_process(kind, order):
+def test_filter_of_the_magnitude_optimum(kind, order):
     """Its lags, one more than derivatives, sum up to a tenth of lags and dead time: three and one."""
     found = pidalab.tune(pidalab.lags(3, delay=1.0), kind=kind, rule="magnitude optimum").controller
     assert found.filter_order == order + 1
     assert found.filter_order * found.filter_time == pytest.approx(0.1 * (3 + 1))
 
 
-def test_a_pida_is_refused_where_the_record_shows_dynamics_that_the_model_lacks():
+def test_pida_beyond_the_dynamics_of_the_model_is_refused():
     """A plant of three lags, a model of one: its PID is designed, its PIDA would act on what is not known."""
     t = np.arange(0.0, 60.0, 0.1)
     y = pidalab.simulate(pidalab.Loop(lags(3), 0.0), t, load=t >= 5.0).y
@@ -168,7 +138,7 @@ def first_order_fit(sampling=1.0, seed=0):
 
 
 @pytest.mark.filterwarnings("ignore:sample_time should be at most")
-def test_a_sample_time_in_which_the_process_does_all_it_does_is_none():
+def test_too_long_sample_time_is_refused():
     fitted = first_order_fit()
     with pytest.raises(
         ValueError, match=r"sample_time must be at most 2[45]\.?\d* for this process.*found 50"
@@ -181,7 +151,7 @@ def test_a_sample_time_in_which_the_process_does_all_it_does_is_none():
         tune(pidalab.ipdt(1.0, delay=2.0), "PI", sample_time=21)
 
 
-def test_a_sample_time_in_another_unit_is_doubted():
+def test_sample_time_in_another_unit_is_doubted():
     said = "is it in the record's unit of time?"
     for share, doubted in ((0.005, True), (0.02, False), (1.0, False)):
         design = tune(first_order_fit(), "PI", sample_time=share, rule="simc", ms_worst=9)

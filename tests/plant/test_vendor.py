@@ -10,7 +10,7 @@ from pidalab.plant.vendor import firmware_form, firmware_gains
 
 
 @pytest.mark.parametrize(("unit", "seconds"), [("s", 1.0), ("min", 60.0), ("h", 3600.0)])
-def test_every_form_is_the_same_controller(unit, seconds):
+def test_forms_are_the_same_controller(unit, seconds):
     own = PIDA(2.0, 8.0, 1.5)
     forms = own.vendor_forms(unit)
     s = 0.3 + 0.2j  # in 1/s; times are in seconds there
@@ -27,7 +27,7 @@ def test_every_form_is_the_same_controller(unit, seconds):
         assert form["repeats/min"] == pytest.approx(1 / form["Ti [min]"])
 
 
-def test_forms_that_do_not_exist():
+def test_missing_forms():
     assert "needs Ti >= 4 Td, found Ti = 3 and Td = 1" in PIDA(1.0, 3.0, 1.0).vendor_forms().series
     for form in SeriesPIDA(1.0, 0.5, 0.2, 2.0, 0.1, 2).vendor_forms()[:3]:
         assert "no acceleration term, and ka = 0.2" in form
@@ -83,7 +83,7 @@ def test_betaflight_has_a_factor_for_each_number():
 
 @pytest.mark.parametrize("firmware", ["klipper", "betaflight", "betaflight-yaw"])
 @pytest.mark.parametrize(("unit", "full"), [("s", 1.0), ("min", 100.0), ("h", -2.0)])
-def test_firmware_there_and_back(firmware, unit, full):
+def test_firmware_round_trip(firmware, unit, full):
     own = PIDA(0.08, 20.0, 5.0)
     numbers = firmware_form(own.gains(), firmware, full, unit)
     gains, _ = firmware_gains(firmware, *numbers.values(), full, unit)
@@ -94,7 +94,7 @@ def test_firmware_there_and_back(firmware, unit, full):
     assert firmware_form(same.gains(), firmware) == pytest.approx(numbers)
 
 
-def test_firmware_beside_the_other_forms():
+def test_firmware_in_vendor_forms():
     forms = PIDA(8.0, 20.0, 5.0).vendor_forms("s", full_output=100.0)
     assert forms.klipper == pytest.approx({"pid_Kp": 20.4, "pid_Ki": 1.02, "pid_Kd": 102.0})
     assert forms.betaflight["I"] == pytest.approx(2.5 * forms.betaflight["I of yaw"])

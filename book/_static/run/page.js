@@ -57,12 +57,11 @@
       status.textContent = `Fetching ${stages[stage] ?? "done"}: ${(sum / 1e6).toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
     };
     const part = (name) => fetched(store, address(name), count(name));
-    const [module, packages, pack] = await Promise.all([
-      engine?.module ?? part("python.wasm.gz").then((body) =>
-        WebAssembly.compileStreaming(new Response(body, { headers: { "Content-Type": "application/wasm" } }))),
-      part("packages.zip").then((body) => new Response(body).arrayBuffer()),
-      part("book.pack.gz").then((body) => new Response(body).arrayBuffer()),
-    ]);
+    // one after the other: less memory at once
+    const module = engine?.module ?? await WebAssembly.compileStreaming(
+      new Response(await part("python.wasm.gz"), { headers: { "Content-Type": "application/wasm" } }));
+    const packages = await new Response(await part("packages.zip")).arrayBuffer();
+    const pack = await new Response(await part("book.pack.gz")).arrayBuffer();
     return { module, packages, pack };
   }
 
@@ -126,8 +125,10 @@
       };
       cell.output = el("div", { className: "pidalab-run-output", hidden: true });
       cell.output.setAttribute("aria-live", "polite");
+      cell.output.dataset.cell = cell.number;
       const run = button("Run", () => runUpTo(cell.number, true));
-      cell.note = el("span", { className: "pidalab-run-status" });
+      cell.slow = box.classList.contains("tag_slow") ? "takes minutes in a browser" : "";
+      cell.note = el("span", { className: "pidalab-run-status", textContent: cell.slow });
       box.append(el("div", { className: "pidalab-run-tools" }, run, cell.note), cell.output);
     }
   }
@@ -150,7 +151,7 @@
         if (mine !== session) return;
         if (cell.ran) continue;
         status.textContent = `Running cell ${cell.number + 1} of ${cells.length} …`;
-        if (cell.note) cell.note.textContent = "running …";
+        if (cell.note) cell.note.textContent = `running … ${cell.slow}`;
         const from = performance.now();
         const outputs = await call("run", cell.number, text(cell));
         cell.ran = !outputs.some(([kind]) => kind === "error");
@@ -184,7 +185,7 @@
     session += 1;
     worker?.terminate();
     waiting?.fail(new Error("stopped"));
-    for (const cell of cells) { cell.ran = false; if (cell.note) cell.note.textContent = ""; }
+    for (const cell of cells) { cell.ran = false; if (cell.note) cell.note.textContent = cell.slow; }
     busy = start().then(() => { status.textContent = message; }, (error) => {
       begin.hidden = false;
       begin.disabled = false;
@@ -201,7 +202,7 @@
       bar.replaceChildren(el("span", { className: "pidalab-run-status" }, `The cells of this page run ${why}; anywhere else `,
         binder ? el("a", { href: binder.href, textContent: "on Binder" }) : "on Binder", "."));
     } else {
-      status.textContent = "Loads Python into this browser, about 40 MB, once.";
+      status.textContent = "Loads Python into this browser, about 45 MB, once.";
     }
     document.querySelector(".bd-article h1")?.after(bar);
   }

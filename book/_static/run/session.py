@@ -31,6 +31,8 @@ class Printed(io.TextIOBase):
 
 def show(*values, **_):
     """Show values as a notebook does: the richest form that each has."""
+    from accessible import repaired  # of the book, as when the page was built
+
     figures()
     for value in values:
         if hasattr(value, "savefig"):
@@ -38,7 +40,7 @@ def show(*values, **_):
         elif svg := getattr(value, "_repr_svg_", lambda: None)():
             outputs.append(["svg", *both(svg)])
         elif html := getattr(value, "_repr_html_", lambda: None)():
-            outputs.append(["html", html])
+            outputs.append(["html", repaired(html)])
         else:
             outputs.append(["text", repr(value) + "\n"])
 

@@ -1,11 +1,11 @@
-"""The engineer's wing: from a record of a plant to a model, a controller that is safe on it, and its code.
+"""From a record of a plant to a model, a safe controller and its code.
 
-One door, and behind it one road::
+The steps are::
 
-    Record -> fit -> tune -> discretise -> code; report and check beside it
+    Record -> fit -> tune -> discretise -> code
 
-It stands on the library, and nothing of the library stands on it: a chapter that simulates loops loads none of it.
-Names are imported when they are first used.
+`report` compares candidates, and `check` judges gains that run. The library does not import this package, but for names
+that it imports on first use.
 """
 
 from lazy_loader import attach_stub

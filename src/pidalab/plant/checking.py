@@ -1,4 +1,4 @@
-"""Are my gains right? From a log of the running loop to its Ms, to what the gains miss, and to others to try."""
+"""Judge the gains of a running loop by a log of it: Ms, distance from the best gains, and others to try."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pidalab.comparison.judging import DesignRow, one_line, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
-from pidalab.plant.doubts import doubt
+from pidalab.plant.doubts import doubt, with_doubts
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.fitting.uncertainty import rough, samples_per_error
 from pidalab.plant.record import Record
@@ -28,13 +28,13 @@ from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
-PLANTS_JUDGED = 60  # plants by which Ms gets its interval; of fewer the worst is too often below the true one
-CLEARER = 0.8  # times the residuals: a load that explains more than a third of their variance is there
+PLANTS_JUDGED = 60  # plants for the interval of Ms; with fewer the largest Ms is too often below the true one
+CLEARER = 0.8  # ratio of residuals with and without a load, below which the load is real
 CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output has to move
-COLOURED = 3.0  # samples that share one error, from which on a residual is no white noise
-MADE = 0.8  # share of the movement of u that the gains which made it explain
+COLOURED = 3.0  # samples that share one error, above which residuals are not white noise
+EXPLAINED = 0.8  # share of the movement of u that the controller which made it explains
 MOST_STEPPED = 5000  # samples over which the controller runs
-FED_BACK = 0.05  # share of the variance of u that may answer to it
+FED_BACK = 0.05  # share of the variance of u that slow disturbances may make
 CHECK_COLUMNS = {
     "IAE load": "iae_load",
     "Ms": "ms_sampled",
@@ -45,7 +45,7 @@ CHECK_COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """What a log says of the gains that run.
+    """A judgement of the gains that run. ``print`` shows it.
 
     Attributes
     ----------
@@ -54,17 +54,17 @@ class Check:
     design : Design
         The gains that run, with their filter.
     sample_time : float
-        Of the controllers.
+        Sample time of the controllers.
     ms : float
-        Maximum sensitivity of the sampled loop with the model; infinite if it is unstable.
+        Maximum sensitivity of the sampled loop with the model; infinite if unstable.
     interval : tuple of float
-        The least and the largest with the model and the plants that the log does not rule out.
+        The least and the largest Ms with the model and `plants`.
     plants : tuple of Process
-        These.
+        Plants that the log does not rule out.
     ms_worst : float
-        Largest Ms with any of them, for the sets to try.
+        Limit of Ms with any of them, for the sets to try.
     doubts : tuple of str
-        What a user should know.
+        Reservations.
     """
 
     fit: Fit
@@ -83,51 +83,49 @@ class Check:
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
         now = now._replace(ms_worst=self.interval[1], ms_sampled=self.ms)
-        rows, quiet = [now], None
+        rows, noise = [now], math.nan
         if now.applies:
-            gain = sampled_noise(self.design.loop(self.fit.process), self.sample_time)[0]
-            quiet = None if math.isnan(gain) else gain
-        if now.applies and quiet is not None and math.isfinite(self.ms):
-            rows.append(self._row("best like it", kind, self.fit.process, self.ms, quiet, self.ms_worst))
+            noise = sampled_noise(self.design.loop(self.fit.process), self.sample_time)[0]
+        if not math.isnan(noise) and math.isfinite(self.ms):
+            rows.append(self._row("best like it", kind, self.fit.process, self.ms, noise))
         for name, (ms, share) in SETS.items():
-            noise = None if quiet is None else share * quiet
-            rows.append(self._row(name, kind, self.fit, min(ms, self.ms_worst), noise, self.ms_worst))
+            rows.append(self._row(name, kind, self.fit, min(ms, self.ms_worst), share * noise))
         return tuple(rows)
 
-    def _row(
-        self, name: str, kind: str, plant: Process | Fit, ms: float, noise: float | None, worst: float
-    ) -> DesignRow:
+    def _row(self, name: str, kind: str, plant: Process | Fit, ms: float, noise: float) -> DesignRow:
+        limits: dict[str, Any] = {
+            "noise_gain": None if math.isnan(noise) else noise,
+            "ms_worst": self.ms_worst,
+        }
         try:
-            design = tune(plant, kind, ms=ms, noise_gain=noise, sample_time=self.sample_time, ms_worst=worst)
+            design = tune(plant, kind, ms=ms, sample_time=self.sample_time, **limits)
         except ValueError as refusal:
             return DesignRow(name, kind, reason=one_line(refusal))
-        found = measure_candidate(design, name, kind, self.fit)
-        return found._replace(ms_worst=LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms)
+        worst = LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms
+        return measure_candidate(design, name, kind, self.fit)._replace(ms_worst=worst)
 
     @property
     def loss(self) -> float:
-        """By how many % the IAE of a load step is above the least of this kind with the same Ms and noise.
+        """Excess of the IAE of a load step, in %, over the least of this kind with the same Ms and noise.
 
-        Below 0 where the search, whose filter is not faster than the sample, found none as good; nan where there is
-        nothing to compare with.
+        Below 0 if the search, whose filter is not faster than the sample, found none as good; nan if there is nothing
+        to compare with.
         """
-        found = {row.rule: row.iae for row in self.rows}
-        return 100 * (found["now"] / found.get("best like it", math.nan) - 1)
+        iae = {row.rule: row.iae for row in self.rows}
+        return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
 
     def __str__(self) -> str:
         low, high = (f"{ms:.2f}" if math.isfinite(ms) else "unstable" for ms in self.interval)
         ms = f"Ms {self.ms:.2f}" if math.isfinite(self.ms) else "an unstable loop"
         lines = [f"these gains: {ms}; {low} to {high} with the plants that the log does not rule out"]
         if not math.isnan(self.loss):
-            than = f"{self.loss:.0f} % above" if self.loss >= 0.5 else "not above"
-            lines.append(
-                f"their IAE for a load is {than} that of the best {self.rows[0].kind} of the same Ms and noise"
-            )
+            than, kind = f"{self.loss:.0f} % above" if self.loss >= 0.5 else "not above", self.rows[0].kind
+            lines.append(f"their IAE for a load is {than} that of the best {kind} of the same Ms and noise")
         lines += text_table(self.rows, {"rule": 14}, CHECK_COLUMNS, 12, self._gains)
-        return "\n".join([*lines, *(f"doubt: {doubt}" for doubt in self.doubts)])
+        return with_doubts("\n".join(lines), self.doubts)
 
     def _gains(self, row: DesignRow) -> str:
-        """Return the IAE as a multiple of that now, and what to type in."""
+        """Return the IAE relative to the present one, and the gains to enter."""
         k = None if row.design is None else row.design.controller
         if row.design is self.design or not isinstance(k, HighOrderPID):
             return ""
@@ -149,39 +147,39 @@ def check(
 ) -> Check:
     r"""Judge the gains of a running loop by a log of it, or of an experiment with its plant.
 
-    The plant is fitted from u to y as they were logged, in open or closed loop: changes of the set point, a step of the
-    load, which is found, or a bump of u suffice, if they are large against the noise.
+    The plant is fitted from the logged u to y, in open or closed loop. A change of the set point, a step of the load or
+    a bump of u is enough if it is large compared with the noise.
 
     Parameters
     ----------
     record : Record or Fit
-        The log, or what was fitted to it.
+        The log, or a fit of it.
     controller : controller
-        That runs, with integral action; its gains in units of u per unit of y.
+        The running controller, with integral action and gains in units of u per unit of y.
     output_filter : control.TransferFunction, optional
         A filter in series, such as that of the measurement.
     sample_time : float, optional
-        Of the controller, above 0; by default that of the log.
+        Sample time of the controller, above 0; by default that of the log.
     ms_worst : float, optional
-        For the sets to try: the largest Ms with any plant that the log does not rule out.
+        For the sets to try: limit of Ms with any plant that the log does not rule out.
     model : str, optional
-        To fit to a Record, as for `pidalab.identification.fit`.
+        Model to fit, as for `pidalab.identification.fit`.
 
     Returns
     -------
     Check
-        Its `rows`, searched when they are first asked for, have three sets to try: *calmer* with half the noise gain
-        and Ms at most 1.4, *same noise* with 1.6, *faster* with twice the noise gain and 1.8.
+        Its `rows`, computed on first use, have three sets to try: *calmer* with half the noise gain and Ms at most 1.4,
+        *same noise* with 1.6, *faster* with twice the noise gain and 1.8.
 
     Raises
     ------
     TypeError, ValueError
-        For a log that does not show the plant, with what would; for gains of the wrong sign or without integral action.
+        For a log that does not show the plant, and for gains of the wrong sign or without integral action.
 
     Notes
     -----
-    In closed loop the noise is fed back to u. A direct fit of the output error is not biased by it if it is white.
-    Slower disturbances pull the model towards -1/C, where they make up much of the movement of u: that is doubted.
+    In closed loop the noise is fed back to u. White noise does not bias a direct fit of the output error. Slower
+    disturbances pull the model towards -1/C. This is doubted if they make up much of the movement of u.
 
     Examples
     --------
@@ -206,21 +204,16 @@ def check(
     fitted = record if isinstance(record, Fit) else _fitted(record, model)
     process, log = fitted.process, fitted.record
     doubts = [*log.doubts, *fitted.doubts]
-    share, near = explained_by(controller, output_filter, log)
     if gains.ki * sign_of_gain(process) < 0:
-        why = "the output would run away"
-        if share > MADE:
-            why = (
-                f"they explain {100 * share:.0f} % of the movement of u between samples, and the output did not run "
-                "away: so the u of the log is not what reached the plant"
-            )
         raise ValueError(
             f"controller must have gains of the sign of the plant's, found kp = {gains.kp:.4g} for a plant of gain "
-            f"{fitted.parameters['gain']:.3g}: {why}. If the sign is right, the log does not show the plant: log u "
-            "behind the limits of the actuator, and move the set point"
+            f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
+            "the plant: log u behind the limits of the actuator, and move the set point"
         )
-    if share < MADE:
-        said = f"; a proportional gain near {near:.3g} explains it better" if near * gains.kp > 0 else ""
+    share, better = explained_by(controller, output_filter, log)
+    if share < EXPLAINED:
+        known = better * gains.kp > 0
+        said = f"; a proportional gain near {better:.3g} explains it better" if known else ""
         doubts.append(doubt("other gains", share=100 * share, better=said))
     if sample_time is None:
         sample_time = log.sampling
@@ -228,34 +221,29 @@ def check(
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     running = Design(process, controller, output_filter=output_filter, source="the gains that run")
     evaluator, plants = LoopEvaluator(sample_time, None), tuple(fitted.spread(PLANTS_JUDGED))
-    judged = [evaluator.ms(running, plant) for plant in (process, *plants)]
-    sizes = [one.ms for one in judged]
-    doubts += sorted({one.reason for one in judged if one.reason})
+    loops = [evaluator.ms(running, plant) for plant in (process, *plants)]
+    sizes = [loop.ms for loop in loops]
+    doubts += sorted({loop.reason for loop in loops if loop.reason})
     if math.isinf(sizes[0]):
         doubts.append(doubt("unstable"))
     else:
         doubts += _biased(fitted, running.loop(process))
-    return Check(
-        fitted, running, sample_time, sizes[0], (min(sizes), max(sizes)), plants, worst, tuple(doubts)
-    )
+    interval = min(sizes), max(sizes)
+    return Check(fitted, running, sample_time, sizes[0], interval, plants, worst, tuple(doubts))
 
 
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
-    """Return how much of the movement of u between samples a controller explains, and a gain that explains it best.
+    """Return the share of the movement of u between samples that a controller explains, and the best gain.
 
-    Returns
-    -------
-    share : float
-        From 0 to 1; nan where the log does not tell: u rests at most samples, as in open loop.
-    gain : float
-        Least-squares proportional gain.
+    The share is from 0 to 1, or nan if u rests at most samples, as in open loop. The gain is the least-squares
+    proportional gain.
 
     Notes
     -----
-    The controller runs over the output of the log. The change of its signal from sample to sample differs from that of
-    u by what the set point adds, which is constant between steps of it. So both changes are taken less their running
-    median; what is left of their difference has to be small. Samples at which u is at its largest or least value may be
-    clipped, and are left out. A log may hold the u of the sample before: both ways are tried.
+    The controller runs over the logged output. Its changes between samples differ from those of u only by the effect of
+    the set point, which is constant between its steps. So the running median is subtracted from both, and the rest of
+    their difference must be small. Samples with u at its largest or least value may be clipped, and are left out. A log
+    may hold the u of the previous sample, so both ways are tried.
     """
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())
@@ -266,29 +254,27 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
         return math.nan, math.nan
     try:
         digital = controller.discretise(log.sampling, "backward", output_filter)
-    except ValueError:  # a log of so few samples says nothing of this controller
+    except ValueError:  # the controller does not suit so slow a log
         return math.nan, math.nan
-    answer = np.array([digital.step(float(y[0]), float(value)) for value in y])
-    made, dy = rough(np.diff(answer)), rough(np.diff(y))
-    shares, gains = [], []
+    own = np.array([digital.step(float(y[0]), float(value)) for value in y])
+    expected, dy = rough(np.diff(own)), rough(np.diff(y))
+    results = []
     for later in (0, 1):
-        end = du.size - later
-        now, then = free[later:], du[later:]
-        left = np.median(np.abs(then[now] - made[:end][now]))
-        shares.append(max(0.0, 1.0 - float(left / size) ** 2))
-        square = float(dy[:end][now] @ dy[:end][now])
-        gains.append(-float(then[now] @ dy[:end][now]) / square if square else math.nan)
-    best = int(np.argmax(shares))
-    return shares[best], gains[best]
+        use, end = free[later:], du.size - later
+        logged, computed, moved = (x[use] for x in (du[later:], expected[:end], dy[:end]))
+        share = max(0.0, 1.0 - float(np.median(np.abs(logged - computed)) / size) ** 2)
+        square = float(moved @ moved)
+        results.append((share, -float(logged @ moved) / square if square else math.nan))
+    return max(results, key=lambda result: result[0])
 
 
 def _fitted(record: Record, model: str) -> Fit:
-    """Fit the plant, with a step of the load where it explains much of what u does not."""
+    """Fit the plant, with a step of the load if that explains much of the residuals."""
     fits: list[Fit] = []
     refusal = None
     for load in (False, True):
         if fits and samples_per_error(fits[0].residuals) < COLOURED:
-            break  # nothing is left that a load would explain
+            break  # the residuals are white
         try:
             fits.append(fit(record, model, load=load))
         except ValueError as failed:
@@ -296,15 +282,15 @@ def _fitted(record: Record, model: str) -> Fit:
     if not fits:
         moved = f" by {CLEAR_MOVE * record.noise.deviation:.2g} or more" if record.noise.deviation else ""
         raise ValueError(
-            f"the log does not show the plant: {refusal}. For a check it needs a change of the set point, a step of "
-            f"the load or a bump of u that moves the output{moved}, and the time to settle"
+            f"the log does not show the plant: {refusal}. A check needs a change of the set point, a step of the load "
+            f"or a bump of u that moves the output{moved}, and time to settle"
         )
     plain, loaded = fits[0], fits[-1]
     return loaded if loaded.deviation < CLEARER * plain.deviation else plain
 
 
 def _biased(fitted: Fit, loop: Loop) -> list[str]:
-    """Say whether slow disturbances, fed back by the controller, make up much of the movement of u."""
+    """Doubt a log in which slow disturbances, fed back by the controller, make much of the movement of u."""
     from pidalab.simulation.exact import simulate
 
     record, residuals = fitted.record, fitted.residuals

@@ -1,15 +1,16 @@
-"""The table of doubts: what a user should know of a record, a model, a design or a check, in one wording each."""
+"""The table of doubts: one wording for each reservation about a record, a model, a design or a check."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 DOUBTS = {
     # of a record
     "missing": "{count} of {total} samples had a missing value and were left out",
     "same time": "{count} sample(s) had the time of another one and were averaged",
-    "counter": "the time begins anew {count} time(s), at {counter:.6g}, and was counted on",
-    "newest first": "the newest sample came first: the order was turned round",
+    "counter": "the time restarts {count} time(s), at {counter:.6g}, and was continued",
+    "newest first": "the newest sample came first: the order was reversed",
     "not in order": "the times were not in order, first at {where}, and were sorted",
     "counted": "column {name!r} counts samples: the times are period = {period:g} apart",
     "left out": "left out: {note}",
@@ -17,39 +18,42 @@ DOUBTS = {
     "drifting": "the output drifts by {drift:.3g} before the step: it was not at rest",
     "levels": "the output has only {count} levels, {apart:.3g} apart",
     "gaps": "{count} gap(s); the longest, {longest:.3g}, from {start:.4g}",
-    "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the step is placed "
-    "half way; a fit takes the input as it is",
-    "at an end": "the input stays at {end:.6g}, its {word} value, for {count} samples: if the actuator is at its limit "
-    "there, the record may have what was asked of it, and not what it did",
+    "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the step is placed in "
+    "the middle; a fit uses the input as it is",
+    "at an end": "the input stays at {end:.6g}, its {word} value, for {count} samples: if that is a limit of the "
+    "actuator, the record may hold the request and not what reached the plant",
     "no step": "the input does not step between lasting levels: {experiment}",
     "moving at the end": "the output still moves at the end: an integrator, or a record that is too short",
     # of a model
-    "model error": "the model leaves {error:.3g} beyond the noise of {noise:.3g}, {share:.2g} % of the movement of the "
-    "output: the plant is of another shape, or something else moved it",
-    "initial state": "the record does not begin at rest: an initial state was fitted, too",
-    "hold-out": "the hold-out data are predicted worse than the rest is fitted: NRMSE {holdout:.2f}",
+    "model error": "the model error is {error:.3g}, {share:.2g} % of the movement of the output, beside a noise of "
+    "{noise:.3g}: the plant has another shape, or something else moved it",
+    "initial state": "the record does not begin at rest: an initial state was fitted as well",
+    "hold-out": "the hold-out data are predicted worse than the other data are fitted: NRMSE {holdout:.2f}",
     "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties are {times:.2g} times "
-    "those of white noise",
+    "those for white noise",
     # of a design
     "time unit": "the sample time of {sample_time:g} is {share:.3g} times that of the record, {recorded:.4g}: is it in "
     "the record's unit of time?",
-    "short delay": "the dead time of {delay:.3g} is left out: where the loop can act, it turns the phase by less than "
-    "{phase:g} rad",
-    "few poles": "the model has {known} pole(s), and a {kind} acts on dynamics beyond them, which are not known: fit a "
-    "model of higher order, or take a lower kind",
-    "fast filter": "the filter is as fast as the sample, {sample_time:g}, allows: with faster sampling it would be "
+    "short delay": "the dead time of {delay:.3g} is left out: at the frequencies of this loop it turns the phase by "
+    "less than {phase:g} rad",
+    "few poles": "the model has {known} pole(s), and a {kind} acts on unknown dynamics beyond them: fit a model of "
+    "higher order, or take a lower kind",
+    "fast filter": "the filter is as fast as the sample time of {sample_time:g} allows: faster sampling would make it "
     "faster",
-    "noise unused": "the rule {rule!r} does not know noise: noise_gain was not used",
+    "noise unused": "the rule {rule!r} ignores noise: noise_gain was not used",
     "price": "price of robustness: {price:.2f} times the IAE of the design for the model alone, since the model is "
     "uncertain; {remedy}",
-    "long sample": "the sample time of {sample_time:g} is long for this loop: it turns by {turn:.2g} rad in a sample "
-    "at its crossover; {better:.2g} or less would be better",
-    "filter lost": "the controller has a filter of {filter_time:.3g}, faster than the sample of {sample_time:g}: the "
-    "code hardly filters",
-    "no limits": "{options} not given: the code does not know where the actuator ends, and may wind up",
+    "long sample": "the sample time of {sample_time:g} is long for this loop: at the crossover the phase turns by "
+    "{turn:.2g} rad in a sample; {better:.2g} or less would be better",
+    "filter lost": "the controller has a filter of {filter_time:.3g}, faster than the sample time of {sample_time:g}: "
+    "the code hardly filters",
+    "no limits": "{options} not given: the code does not know the limits of the actuator, and may wind up",
+    # of a relay experiment
+    "relay phase": "the plant's phase at this period is {phase:.0f} degrees, not -180: the relay has hysteresis or a "
+    "bias; the gain holds at this period, and the true ultimate period is another one",
     # of a check
-    "log's sample time": "the controller is taken to have the sample time of the log, {sample_time:.4g}",
-    "unstable": "the loop of the model is unstable: if the log shows this loop, other gains ran, or other units",
+    "log's sample time": "the controller is assumed to have the sample time of the log, {sample_time:.4g}",
+    "unstable": "the loop with the model is unstable: if the log shows this loop, other gains ran, or other units",
     "other gains": "the given gains could not have made the log's u from its y: they explain {share:.0f} % of its "
     "movement between samples{better}",
     "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, through the controller, "
@@ -60,3 +64,8 @@ DOUBTS = {
 def doubt(name: str, /, **values: Any) -> str:
     """Return a doubt of the table with its values."""
     return DOUBTS[name].format(**values)
+
+
+def with_doubts(text: str, doubts: Iterable[str]) -> str:
+    """Return a text with its doubts, one a line."""
+    return "\n".join([text, *(f"doubt: {said}" for said in doubts)])

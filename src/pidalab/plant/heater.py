@@ -1,8 +1,8 @@
-"""The Temperature Control Lab: a heater on a board, or the simulated one of its package, by the same calls.
+"""The Temperature Control Lab, a board with heaters: real, or simulated by its package, through the same calls.
 
-The package is ``tclab`` (``pip install tclab``). Heater 1 is the control signal, in per cent of its power,
-the first thermistor the output, in degrees Celsius. Heater 2 is a few centimetres away and warms the first one a
-little: it is the load. A simulated hour takes a fraction of a second, one at the board an hour.
+The package is ``tclab`` (``pip install tclab``). The control signal is the power of heater 1 in per cent, the output
+the temperature of thermistor 1 in degrees Celsius. Heater 2, a few centimetres away, is the load. A simulated hour
+takes a fraction of a second.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ FULL_POWER = 100.0  # per cent of a heater's power
 
 
 class Lab:
-    """A Temperature Control Lab, on the desk or simulated; a context manager that turns the heaters off.
+    """A Temperature Control Lab, real or simulated. As a context manager it turns the heaters off at the end.
 
     Parameters
     ----------
     connected : bool, optional
-        Whether a board is at a serial port. By default a simulated one, which starts at 21 degrees.
+        Use the board at a serial port. By default the board is simulated, from 21 degrees.
     seed : int, optional
-        Of the simulated noise.
+        Seed of the simulated noise.
 
     Raises
     ------
@@ -54,9 +54,10 @@ class Lab:
         try:
             import tclab  # type: ignore[import-untyped]
         except ImportError:
-            raise ImportError(
-                "the Temperature Control Lab needs the package tclab, simulated too: pip install tclab"
-            ) from None
+            needed = (
+                "the Temperature Control Lab needs the package tclab, also for simulation: pip install tclab"
+            )
+            raise ImportError(needed) from None
         self.connected = connected
         self._random = random.Random(_check.integer("seed", seed, at_least=0)).getstate()
         self._labtime = tclab.labtime
@@ -65,7 +66,7 @@ class Lab:
         else:
             with _silent():
                 self._device = tclab.TCLabModel(synced=False)
-            self._now = self._device.tlast  # its own clock, which need not begin at 0
+            self._now = self._device.tlast  # its clock need not begin at 0
 
     def __enter__(self) -> Lab:
         return self
@@ -85,7 +86,7 @@ class Lab:
             self._device.close()
 
     def hold(self, power: float = 0.0, duration: float = 1200.0) -> None:
-        """Leave heater 1 at a power and heater 2 off, to warm up or to cool down.
+        """Hold heater 1 at a power, with heater 2 off, to warm up or cool down.
 
         Parameters
         ----------
@@ -97,7 +98,7 @@ class Lab:
         Raises
         ------
         TypeError, ValueError
-            For a power outside 0 to 100, or a time that is not above 0.
+            For a power outside 0 to 100, or a duration that is not above 0.
 
         Examples
         --------
@@ -125,11 +126,11 @@ class Lab:
         duration : float, optional
             Seconds after the step.
         before : float, optional
-            Power before the step, in per cent. Above 0 the board must have settled there, or `rest` be long enough.
+            Power before the step, in per cent. Above 0 the board must have settled there, or `rest` must be long.
         rest : float, optional
             Seconds before the step.
         sample_time : float, optional
-            Seconds from sample to sample.
+            Seconds between samples.
 
         Returns
         -------
@@ -161,12 +162,12 @@ class Lab:
         duration: float = 900.0,
         load: ArrayLike = 0.0,
     ) -> Response:
-        """Let a digital controller run heater 1.
+        """Run heater 1 with a digital controller.
 
         Parameters
         ----------
         controller : DigitalController
-            In per cent and degrees; it starts afresh.
+            In per cent and degrees. It is reset first.
         setpoint : float or array_like, shape (n,)
             Degrees, for each sample of the controller.
         duration : float, optional
@@ -177,12 +178,12 @@ class Lab:
         Returns
         -------
         Response
-            With what the thermistor measured as `y`, and heater 2 as `d`.
+            With the measured temperature as `y` and heater 2 as `d`.
 
         Raises
         ------
         TypeError, ValueError
-            For something else than a digital controller, and signals of another length.
+            For a controller that is not digital, and signals of another length.
 
         Examples
         --------
@@ -204,16 +205,16 @@ class Lab:
         return Response(t=t, r=r, d=d, n=np.zeros(t.size), y=y, u=u)
 
     def _run(self, t: Array, heater: Callable[[int, float], float], load: Array) -> tuple[Array, Array]:
-        """Read the temperature at each time and set the heaters, the first one by what `heater` makes of it."""
+        """Read the temperature at each time and set the heaters, the first one by the function `heater`."""
         u, y = np.empty(t.size), np.empty(t.size)
         start = self._labtime.time() if self.connected else self._now
         for k, moment in enumerate(t):
             self._wait_until(start + moment)
             y[k] = self._temperature()
-            # the board takes powers from 0 to 100 and says what it took
+            # the board clips powers to 0 to 100 and returns the result
             u[k] = self._device.Q1(heater(k, float(y[k])))
             self._device.Q2(float(load[k]))
-        # the last control signal acts for one sample, so that a further run can follow
+        # the last control signal acts for one sample before another run can follow
         self._wait_until(start + t[-1] + t[1])
         return u, y
 
@@ -225,7 +226,7 @@ class Lab:
             self._now = moment
 
     def _temperature(self) -> float:
-        """Read thermistor 1; the simulated one draws its noise from random numbers of its own."""
+        """Read thermistor 1. The simulated one draws its noise from the seed of this lab."""
         others = random.getstate()
         random.setstate(self._random)
         try:
@@ -248,5 +249,5 @@ def _times(sample_time: float, duration: float) -> Array:
 
 
 def _silent() -> contextlib.redirect_stdout[io.StringIO]:
-    """Keep the package's greetings off a page."""
+    """Suppress the messages of the package."""
     return contextlib.redirect_stdout(io.StringIO())

@@ -1,4 +1,4 @@
-"""The trade-off of one plant: the least IAE for each limit of noise, and where rules lie beside it."""
+"""The trade-off between error and noise of one plant: the least IAE for each limit of noise, and rules."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER
 
-NOISE_SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # of the ultimate gain: limits of noise
-DRAWN_RULES = ("simc", "amigo", "haalman", "lambda", "magnitude optimum")  # rules that are drawn
+NOISE_SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # limits of the relative noise gain
+DRAWN_RULES = ("simc", "amigo", "haalman", "lambda", "magnitude optimum")
 
 
 class TradeOffPoint(NamedTuple):
@@ -31,9 +31,9 @@ class TradeOffPoint(NamedTuple):
     ms, relative_noise_gain : float
         The limits.
     iae : float
-        Of a unit step of the load.
+        IAE of a unit step of the load.
     design : Design
-        As of `pidalab.optimal.curves.find_curves`.
+        As from `pidalab.optimal.curves.find_curves`.
     """
 
     kind: str
@@ -45,17 +45,16 @@ class TradeOffPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class TradeOff:
-    """Result of `trade_off`; `plot_trade_off` of a report draws it.
+    """Result of `trade_off`. `Report.plot_trade_off` draws it.
 
     Attributes
     ----------
     process : Process
         The plant.
     points : tuple of TradeOffPoint
-        The curves: by Ms, by kind, from the least noise to the most. Where no controller keeps both limits, there is
-        none.
+        The curves, ordered by Ms, kind and noise. There is no point where no controller keeps both limits.
     rules : tuple of DesignRow
-        Rules as they come, with their relative noise gain; one that does not apply says why.
+        Rules with their relative noise gain, or the reason why they do not apply.
     """
 
     process: Process
@@ -68,7 +67,7 @@ class TradeOff:
         Parameters
         ----------
         kind : str
-            Of a controller.
+            Kind of controller.
         ms : float
             Limit of Ms.
 
@@ -87,15 +86,14 @@ class TradeOff:
 
     def __str__(self) -> str:
         kinds = list(dict.fromkeys(point.kind for point in self.points))
-        found = {(point.ms, point.relative_noise_gain, point.kind): point.iae for point in self.points}
-        lines = [
-            f"{self.process!r}: least IAE of a load step, by Ms and relative noise gain",
-            set_out(["Ms", "noise gain", *kinds], [8, 12, *[10] * len(kinds)]),
-        ]
-        for ms, noise in dict.fromkeys((point.ms, point.relative_noise_gain) for point in self.points):
-            cells = [f"{found[ms, noise, kind]:.4g}" if (ms, noise, kind) in found else "-" for kind in kinds]
-            lines.append(set_out([f"{ms:g}", f"{noise:.4g}", *cells], [8, 12, *[10] * len(kinds)]))
-        return "\n".join(lines)
+        iae = {(p.ms, p.relative_noise_gain, p.kind): f"{p.iae:.4g}" for p in self.points}
+        rows = [["Ms", "noise gain", *kinds]]
+        for ms, noise in dict.fromkeys((ms, noise) for ms, noise, _ in iae):
+            rows.append([f"{ms:g}", f"{noise:.4g}", *(iae.get((ms, noise, kind), "-") for kind in kinds)])
+        lines = [set_out(row, [8, 12, *[10] * len(kinds)]) for row in rows]
+        return "\n".join(
+            [f"{self.process!r}: least IAE of a load step, by Ms and relative noise gain", *lines]
+        )
 
 
 def trade_off(
@@ -106,7 +104,7 @@ def trade_off(
     kinds: Sequence[str] = KINDS,
     rules: Iterable[str] = DRAWN_RULES,
 ) -> TradeOff:
-    """Find what error a plant can have for what noise, at two limits of Ms, for PI, PID and PIDA.
+    """Find the least error for each limit of noise, at two limits of Ms, for PI, PID and PIDA.
 
     Parameters
     ----------
@@ -115,11 +113,11 @@ def trade_off(
     ms : sequence of float, optional
         Limits of Ms, each above 1.
     limits : sequence of float, optional
-        Of the relative noise gain, see `pidalab.relative_noise_gain`.
+        Limits of the relative noise gain, see `pidalab.relative_noise_gain`.
     kinds : sequence of str, optional
-        Which controllers.
+        Kinds of controllers.
     rules : iterable of str, optional
-        Rules by their names, drawn as they come; haalman designs for the least of `ms`.
+        Names of rules to compare. haalman designs for the least of `ms`.
 
     Returns
     -------
@@ -132,8 +130,8 @@ def trade_off(
 
     Notes
     -----
-    Each point is the best of short descents from its neighbours, see `pidalab.optimal.curves`: within a line's width of
-    what a search of its own finds, in a fraction of the time.
+    Each point is the best of short descents from its neighbours, see `pidalab.optimal.curves`. It differs from a full
+    search by less than the width of a line and takes a fraction of the time.
 
     Examples
     --------
@@ -149,23 +147,24 @@ def trade_off(
     require_no_zero_at_origin("process", process)
     for kind in kinds:
         _check.choice("kinds", kind, KINDS)
-    levels = sorted(_check.real("ms", one, above=1.0) for one in ms)
-    allowed = sorted(_check.real("limits", one, above=0.0) for one in limits)
+    levels = sorted(_check.real("ms", level, above=1.0) for level in ms)
+    allowed = sorted(_check.real("limits", limit, above=0.0) for limit in limits)
     scale = noise_scale(process)
     gains = {limit * scale.gain: limit for limit in allowed}
     wanted = sorted(dict.fromkeys(kinds), key=ORDER.__getitem__)
-    found = {}
+    curves = {}
     if wanted:
         noise: dict[str, Any] = {"noise_gains": list(gains), "sample_time": scale.sample_time}
-        found = find_curves(process, ORDER[wanted[-1]], ms=levels, **noise)
+        curves = find_curves(process, ORDER[wanted[-1]], ms=levels, **noise)
     points = [
         TradeOffPoint(kind, level, limit, design.iae, design)
         for level, kind, (gain, limit) in product(levels, wanted, gains.items())
-        if (design := found.get((ORDER[kind], level, gain))) is not None
+        if (design := curves.get((ORDER[kind], level, gain))) is not None
     ]
     middle = list(gains)[len(gains) // 2]
-    asked = Requirements(ms=levels[0], noise_gain=middle, sample_time=scale.sample_time)
+    requirements = Requirements(ms=levels[0], noise_gain=middle, sample_time=scale.sample_time)
     horizon = first_horizon(process)
-    rows = [measure_row(*one, process, scale.sample_time, horizon) for one in designs(process, asked, rules)]
+    candidates = designs(process, requirements, rules)
+    rows = [measure_row(*candidate, process, scale.sample_time, horizon) for candidate in candidates]
     rows = [row._replace(noise_gain=row.noise_gain / scale.gain) for row in rows if row.kind in wanted]
     return TradeOff(process, tuple(points), tuple(rows))

@@ -1,4 +1,4 @@
-"""The figure of a report, and the page that holds it."""
+"""The figures of a report and its page."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
     from pidalab.plant.noise_curves import TradeOff
     from pidalab.process import Process
 
-NEGLIGIBLE_ERROR = 0.005  # share of the largest error, below which a figure need not go on
+NEGLIGIBLE_ERROR = 0.005  # share of the largest error at which a figure ends
 PLANTS_SHOWN = 8  # plants of the spread in the figure
 CURVE = 500  # points of a curve in the figure
-RULE_MARKERS = "os^Dv*P"  # of rules
-FITS = 1.001  # times the limit of Ms that a rule may have
+RULE_MARKERS = "os^Dv*P"
+FITS = 1.001  # ratio of Ms to its limit up to which a rule is in a panel
 CAPTION = (
-    "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: the "
-    "gain from measurement noise to the control signal over frequency, and the Nyquist curves with the circle of the "
-    "Ms requested; faint curves belong to plants within the spread."
+    "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: gain "
+    "from measurement noise to the control signal, and Nyquist curves with the circle of the requested Ms. Faint "
+    "curves belong to plants within the spread."
 )
 TRADED = (
-    "More noise in u buys less error: the least IAE of a unit step of the load over the limit of the relative noise "
-    "gain, for PI, PID and PIDA at each limit of Ms. Markers are rules as they come, in the colour of their kind, each "
-    "in the panel of the least limit that it keeps."
+    "More noise in u allows a smaller error: least IAE of a unit step of the load over the limit of the relative noise "
+    "gain, for PI, PID and PIDA at each limit of Ms. Markers are rules, in the colour of their kind, in the panel of "
+    "the least limit that they keep."
 )
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
@@ -69,7 +69,7 @@ def page(
     folded: Sequence[tuple[str, str]] = (),
     traded: TradeOff | None = None,
 ) -> str:
-    """Return a page with sections of text, a figure or two, a table of HTML and folded sections."""
+    """Return a page with sections of text, one or two figures, a table of HTML and folded sections."""
     template = jinja2.Environment(autoescape=True, trim_blocks=True).from_string(PAGE)
     figures = [(Markup(svg(drawn)), CAPTION)]
     if traded is not None:
@@ -80,7 +80,7 @@ def page(
 
 
 def svg(drawn: Figure) -> str:
-    """Return a figure as an element of a page, the same to the byte on every run."""
+    """Return a figure as an SVG element, reproducible to the byte."""
     text = io.StringIO()
     with rc_context(STYLE):  # type: ignore[arg-type]
         drawn.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
@@ -88,41 +88,38 @@ def svg(drawn: Figure) -> str:
 
 
 def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Sequence[Process]) -> Figure:
-    """Draw the six panels for designs on a process, with the circle of an Ms and plants in the process's place."""
-    able = [row for row in rows if row.applies]
-    if not able:
+    """Draw six panels for the designs on a process, with the circle of an Ms and with other plants."""
+    stable = [row for row in rows if row.applies]
+    if not stable:
         raise ValueError("there is nothing to draw: no candidate is stable with the model")
     with rc_context(STYLE):  # type: ignore[arg-type]
         drawn = Figure(figsize=(6.4, 8.4))
         FigureCanvasSVG(drawn)
         axes = drawn.subplots(3, 2)
-        _draw_responses(axes, able)
-        _draw_noise(axes[2, 0], able)
-        _draw_nyquist(axes[2, 1], process, ms, able, plants)
-        if len(able) > 1:
+        _draw_responses(axes, stable)
+        _draw_noise(axes[2, 0], stable)
+        _draw_nyquist(axes[2, 1], process, ms, stable, plants)
+        if len(stable) > 1:
             drawn.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return drawn
 
 
 def trade_off_figure(found: TradeOff) -> Figure:
-    """Draw the least IAE over the relative noise gain, a panel for each limit of Ms, with the rules that keep it."""
+    """Draw the least IAE over the relative noise gain, with a panel for each limit of Ms and the rules that keep it."""
     levels = list(dict.fromkeys(point.ms for point in found.points))
     kinds = list(dict.fromkeys(point.kind for point in found.points))
     if not levels:
         raise ValueError("there is nothing to draw: no controller keeps the limits")
-    marks = dict(
-        zip(dict.fromkeys(row.rule for row in found.rules), itertools.cycle(RULE_MARKERS), strict=False)
-    )
+    names = dict.fromkeys(row.rule for row in found.rules)
+    marks = dict(zip(names, itertools.cycle(RULE_MARKERS), strict=False))
     with rc_context(STYLE):  # type: ignore[arg-type]
         drawn = Figure(figsize=(6.4, 4.2))
         FigureCanvasSVG(drawn)
         axes = np.atleast_1d(drawn.subplots(1, len(levels), sharex=True, sharey=True))
         for ax, ms, calmer in zip(axes, levels, [0.0, *levels], strict=False):
             for kind in kinds:
-                curve = found.curve(kind, ms)
-                ax.loglog(
-                    [p.relative_noise_gain for p in curve], [p.iae for p in curve], **LOOKS[kind], label=kind
-                )
+                points = [(p.relative_noise_gain, p.iae) for p in found.curve(kind, ms)]
+                ax.loglog(*np.reshape(points, (-1, 2)).T, **LOOKS[kind], label=kind)
             for row in found.rules:
                 if row.applies and calmer * FITS < row.ms <= ms * FITS and not math.isnan(row.noise_gain):
                     look = {"color": LOOKS[row.kind]["color"], "marker": marks[row.rule], "linestyle": ""}
@@ -136,13 +133,13 @@ def trade_off_figure(found: TradeOff) -> Figure:
 
 
 def _lasting(response: Response) -> float:
-    """Time after which the error stays small."""
+    """Return the time after which the error stays small."""
     large = np.flatnonzero(np.abs(response.e) > NEGLIGIBLE_ERROR * np.max(np.abs(response.e)))
     return float(response.t[large[-1]]) or float(response.t[-1])
 
 
 def _frequencies(rows: Sequence[DesignRow], low: float, high: float) -> Array:
-    """Frequencies around those of the largest sensitivities, as multiples of the lowest and the highest."""
+    """Return frequencies from `low` times the lowest peak of the sensitivity to `high` times the highest."""
     centres = [max_sensitivity(row.design.loop())[1] for row in rows if row.design is not None]
     return np.geomspace(low * min(centres), high * max(centres), CURVE)
 
@@ -186,10 +183,5 @@ def _draw_nyquist(
     angle = np.linspace(0.0, 2 * np.pi, 200)
     ax.plot(-1 + np.cos(angle) / ms, np.sin(angle) / ms, ":", color=GREY)
     ax.plot([-1], [0], "+", color=GREY)
-    ax.set(
-        xlim=(-1.9, 0.5),
-        ylim=(-1.5, 0.9),
-        aspect="equal",
-        xlabel="real part of L",
-        ylabel="imaginary part of L",
-    )
+    ax.set(xlim=(-1.9, 0.5), ylim=(-1.5, 0.9), aspect="equal")
+    ax.set(xlabel="real part of L", ylabel="imaginary part of L")

@@ -1,4 +1,4 @@
-"""Set PI, PID and PIDA for one plant side by side: a table, a figure, a page to hand on."""
+"""Compare PI, PID and PIDA for one plant: a table, a figure and a page."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pidalab._text import set_out
 from pidalab.comparison.judging import DesignRow, measure_row, one_line
+from pidalab.plant.doubts import with_doubts
 from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.record import Record
 from pidalab.plant.tuning import plants_within, tune
@@ -27,9 +28,9 @@ if TYPE_CHECKING:
 
     from pidalab.plant.noise_curves import TradeOff
 
-SAFE = 2.001  # worst Ms of a loop that is called safe
+SAFE = 2.001  # largest worst Ms of a loop that is called safe
 REPORT_HORIZON = 20.0  # of the first responses, in time scales of the process
-MEASURES = {  # of a row: its name and what it means
+MEASURES = {  # attributes of a row, with their names and meanings
     "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
     "ms_sampled": ("Ms sampled", "the same of the digital controller"),
     "ms_worst": ("worst Ms", "the largest Ms with any plant that the model allows"),
@@ -46,20 +47,21 @@ MEASURES = {  # of a row: its name and what it means
     ),
 }
 REPORT_COLUMNS = {name: x for x, (name, _) in MEASURES.items()}
+TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # measures that `tune` provides
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """Rows on one plant, with the same limits.
+    """Candidates for one plant with the same limits.
 
     Attributes
     ----------
     process : Process
-        The plant, or the model of it.
+        The plant or its model.
     fit : Fit or None
-        Where the model comes from, if that was a record.
+        The fit, if the model comes from a record.
     ms : float
-        The Ms that was requested.
+        The requested Ms.
     rows : tuple of DesignRow
         Each with its design, measures and responses.
     plants : tuple of Process
@@ -74,24 +76,21 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What a user should know, of the record, of the model and of every design."""
+        """Reservations about the record, the model and the designs, with the kinds that they concern."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
-        designs = [row for row in self.rows if row.design is not None]
-        for row in designs:
-            for doubt in row.design.info.get("doubts", ()) if row.design else ():
+        designs = [(row, row.design) for row in self.rows if row.design is not None]
+        for row, design in designs:
+            incomplete = row.reason and (not row.applies or math.isnan(row.noise_gain))
+            for doubt in (*design.info.get("doubts", ()), *([row.reason] if incomplete else [])):
                 kinds.setdefault(doubt, []).append(row.kind)
-            if row.reason and (not row.applies or math.isnan(row.noise_gain)):
-                kinds.setdefault(row.reason, []).append(row.kind)
-        # what is true of all is said once
-        alike = {0, len(designs)}
-        return tuple(
-            doubt if len(of) in alike else f"{', '.join(of)}: {doubt}" for doubt, of in kinds.items()
-        )
+        common = {0, len(designs)}
+        named = ("" if len(names) in common else f"{', '.join(names)}: " for names in kinds.values())
+        return tuple(name + doubt for name, doubt in zip(named, kinds, strict=True))
 
     @property
     def verdict(self) -> str:
-        """What each kind buys over the one before it, and what it costs, in a sentence each."""
+        """A sentence on what each kind gains over the one before it, and what it costs."""
         return "\n".join(
             f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, relative noise gain "
             f"{new.noise_gain / old.noise_gain:.2f} times"
@@ -101,7 +100,7 @@ class Report:
 
     @property
     def safety(self) -> str:
-        """For each kind: whether its loop is safe, and why."""
+        """A sentence for each kind that says if its loop is safe, and why."""
         return "\n".join(f"{row.kind}: {self._safe(row)}" for row in self.rows)
 
     def _safe(self, row: DesignRow) -> str:
@@ -109,14 +108,9 @@ class Report:
             return f"no controller, since {row.reason}"
         model = f"Ms {row.ms:.2f} with the model"
         if not self.plants:
-            return f"{model}; nothing is known of other plants (give a spread)"
-        word = (
-            "safe"
-            if row.ms_worst <= SAFE
-            else "not safe"
-            if math.isinf(row.ms_worst)
-            else "close to instability"
-        )
+            return f"{model}; other plants were not considered (give a spread)"
+        unsafe = "not safe" if math.isinf(row.ms_worst) else "close to instability"
+        word = "safe" if row.ms_worst <= SAFE else unsafe
         return f"{word}, worst Ms {row.ms_worst:.2f} with {len(self.plants)} plants that the model allows, {model}"
 
     def __repr__(self) -> str:
@@ -126,7 +120,7 @@ class Report:
         lines = [f"{self.process!r}: Ms at most {self.ms:g}", *self.safety.splitlines()]
         kinds, *table = self._table()
         lines += [set_out(row[:-1], (20, *[11] * (len(kinds) - 2))) for row in (kinds, *table)]
-        return "\n".join([*lines, *self.verdict.splitlines(), *(f"doubt: {doubt}" for doubt in self.doubts)])
+        return with_doubts("\n".join([*lines, *self.verdict.splitlines()]), self.doubts)
 
     def _repr_html_(self) -> str:
         head, *rows = ([html.escape(cell) for cell in row] for row in self._table())
@@ -236,7 +230,7 @@ class Report:
         return page(title, self._repr_html_(), self.plot(), first, last, traded)
 
     def plot_trade_off(self, traded: TradeOff | None = None) -> Figure:
-        """Draw the least IAE over the noise gain at two limits of Ms, for PI, PID and PIDA, with rules as dots.
+        """Draw the least IAE over the noise gain at two limits of Ms, for PI, PID and PIDA, with rules as markers.
 
         Parameters
         ----------
@@ -251,7 +245,7 @@ class Report:
         Raises
         ------
         ValueError
-            As from `pidalab.trade_off`, and if no controller keeps the limits.
+            As for `pidalab.trade_off`, and if no controller keeps the limits.
 
         Examples
         --------
@@ -267,7 +261,7 @@ class Report:
         return trade_off_figure(trade_off(self.process) if traded is None else traded)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Return headings and texts of the page: those before the figure, and folded ones after it.
+        """Return headings and texts of the page before the figure, and folded ones after it.
 
         Returns
         -------
@@ -283,7 +277,7 @@ class Report:
         first = [("Safe?", self.safety)]
         first += [(row.kind, str(row.design.controller)) for row in self.rows if row.design is not None]
         if self.verdict:
-            first.append(("What each kind buys", self.verdict))
+            first.append(("Gains and costs of each kind", self.verdict))
         first.append(("Doubts", "\n".join(self.doubts) or "none found"))
         last = [("Model", f"{self.process!r}" + (f"\n{self.fit}" if self.fit else ""))]
         return first, last + ([("Record", str(self.fit.record))] if self.fit else [])
@@ -301,28 +295,28 @@ def report(
     kinds: Sequence[str] = ("PI", "PID", "PIDA"),
     ms_worst: float = 2.0,
 ) -> Report:
-    """Tune PI, PID and PIDA for one plant with the same limits, and set them side by side.
+    """Tune PI, PID and PIDA for one plant with the same limits, and compare them.
 
     Parameters
     ----------
     model : Process, Fit or Record
-        The plant, a model fitted to a record, or the record, which is fitted first.
+        The plant, a fit of a record, or the record.
     ms, noise_gain, sample_time, rule, spread, output_filter : optional
         As for `pidalab.tune`.
     kinds : sequence of str, optional
-        Which controllers.
+        Kinds of controllers.
     ms_worst : float, optional
         As for `pidalab.tune`.
 
     Returns
     -------
     Report
-        A kind that the rule does not make is a row with its message.
+        A kind that the rule does not make has a row with the error message.
 
     Raises
     ------
     TypeError, ValueError
-        As from `pidalab.tune` and `pidalab.identification.fit`, but for what concerns one kind alone.
+        As for `pidalab.tune` and `pidalab.identification.fit`, unless an error concerns one kind only.
 
     Examples
     --------
@@ -351,15 +345,12 @@ def report(
     return Report(process, known, ms, tuple(rows), tuple(plants_within(fitted, process, spread)))
 
 
-TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # what `tune` has measured of a design already
-
-
 def measure_candidate(design: Design, rule: str, kind: str, model: Process | Fit) -> DesignRow:
-    """Measure a design of `tune` with the model; its noise gain is the relative one."""
+    """Measure a design of `tune` with the model. Its noise gain is the relative one."""
     process = model.process if isinstance(model, Fit) else model
     try:
         scale = noise_scale(process)
-    except ValueError:  # of an integrator alone
+    except ValueError:  # the process is a pure integrator
         scale = None
     sample_time = scale.sample_time if scale else None
     row = measure_row(rule, kind, lambda: design, process, sample_time, REPORT_HORIZON * time_scale(process))

@@ -1,4 +1,4 @@
-"""Designs that are safe in the loop that will run, with the model and with all plants of its spread."""
+"""Make designs that are safe in the loop that will run, with the model and with all plants of its spread."""
 
 from __future__ import annotations
 
@@ -15,24 +15,22 @@ from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_iae
 
-TOO_DEAR = 3.0  # price of robustness in IAE that is refused
-MET, STILL_KEPT = 1e-3, 1e-6  # shares of a limit: below it what meets it, and above it what still keeps it
-MOST_CORRECTIONS = 20  # of what is asked for
-LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # of Ms less 1, in a correction
+PRICE_LIMIT = 3.0  # price of robustness in IAE that is refused
+MET, STILL_KEPT = (
+    1e-3,
+    1e-6,
+)  # relative distances below and above a limit, for a design that meets or keeps it
+MOST_CORRECTIONS = 20  # of the request
+LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # of Ms - 1, in one correction
 
-# Return a design that keeps requirements, found near another one, and the names of the limits that hold it back.
+# Returns a design that keeps requirements, found near another one, and the names of its active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
 
 class LoopMs(NamedTuple):
-    """Maximum sensitivity of a loop.
+    """Maximum sensitivity of a loop, infinite if unstable.
 
-    Attributes
-    ----------
-    ms : float
-        Infinite for an unstable loop.
-    reason : str
-        Why it is that of the continuous loop, where the sampled one has none; else empty.
+    `reason` says why it is that of the continuous loop, if the sampled one has none.
     """
 
     ms: float
@@ -41,14 +39,14 @@ class LoopMs(NamedTuple):
 
 @dataclass(frozen=True)
 class LoopEvaluator:
-    """Judges designs in the loop that will run.
+    """Evaluates designs in the loop that will run.
 
     Parameters
     ----------
     sample_time : float or None
-        Of backward differences; None for the continuous controller.
+        Sample time of backward differences; None for the continuous controller.
     output_filter : control.TransferFunction or None
-        In series with the controller.
+        Filter in series with the controller.
     """
 
     sample_time: float | None
@@ -57,14 +55,13 @@ class LoopEvaluator:
 
     def loop(self, design: Design, plant: Process) -> Loop:
         """Close the continuous loop."""
-        return Loop(
-            plant, design.controller, in_series(design.output_filter, self.output_filter), design.prefilter
-        )
+        filters = in_series(design.output_filter, self.output_filter)
+        return Loop(plant, design.controller, filters, design.prefilter)
 
     def ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms with a plant; that of the continuous loop where the sampled one has none, with the reason."""
+        """Return Ms with a plant; that of the continuous loop, with the reason, if the sampled one has none."""
         key = id(design), id(plant)
-        if key not in self._known:  # kept with both, whose numbers are then not given again
+        if key not in self._known:  # both are stored as well, so that their ids stay taken
             self._known[key] = self._ms(design, plant), (design, plant)
         return self._known[key][0]
 
@@ -79,14 +76,14 @@ class LoopEvaluator:
         return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
-        """Return the largest Ms over plants, in whatever order, 0 without any; and the first reason by the alphabet."""
-        found = [self.ms(design, plant) for plant in plants]
-        reasons = sorted({one.reason for one in found if one.reason})
-        return LoopMs(max((one.ms for one in found), default=0.0), reasons[0] if reasons else "")
+        """Return the largest Ms over plants, 0 without any, and the alphabetically first reason."""
+        loops = [self.ms(design, plant) for plant in plants]
+        reasons = sorted({loop.reason for loop in loops if loop.reason})
+        return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
 
 
 def ms_or_infinite(loop: Loop) -> float:
-    """Return the maximum sensitivity, infinite for an unstable loop."""
+    """Return the maximum sensitivity, infinite if unstable."""
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
 
@@ -94,7 +91,7 @@ def ms_or_infinite(loop: Loop) -> float:
 
 
 def in_series(first: Any, second: Any) -> Any:
-    """Return both filters as one, None for none."""
+    """Return the series of two filters; None is no filter."""
     if first is None or second is None:
         return second if first is None else first
     import control
@@ -109,7 +106,7 @@ def correct_request(
     limits: Requirements,
     start: Design | None = None,
 ) -> Design:
-    """Correct the requirements of a design until the loop that runs keeps the given ones, to 0.1 % and from below.
+    """Correct the request to the designer until the loop that runs meets the limits, to 0.1 % and from below.
 
     Parameters
     ----------
@@ -118,34 +115,36 @@ def correct_request(
     sizes : callable
         Measures Ms of a design with the model, and the worst Ms over the family.
     limits : Requirements
-        What the loop has to keep.
+        Limits of the loop that runs.
     start : Design, optional
-        To begin near.
+        Start of the search.
 
     Returns
     -------
     Design
-        The last one that keeps the limits, where none meets them.
+        If none meets the limits, the last one that keeps them.
 
     Raises
     ------
     ValueError
         If none keeps the limits.
+
+    Notes
+    -----
+    A limit that the loop exceeds, or that is active and not met, changes the request: Ms - 1 is scaled by the ratio of
+    limit and result, at most by 2 either way. The iteration ends when the request no longer changes.
     """
-    asked, kept, made = limits, None, start
+    request, kept, design = limits, None, start
     for _ in range(MOST_CORRECTIONS):
-        made, active = make(asked, made)
-        ms, worst = sizes(made)
+        design, active = make(request, design)
+        ms, worst = sizes(design)
         if ms <= limits.ms * (1 + STILL_KEPT) and worst <= limits.ms_worst * (1 + STILL_KEPT):
-            kept = made
-        before = asked
-        asked = replace(
-            asked,
-            ms=_next(asked.ms, ms, limits.ms, "ms" in active),
-            ms_worst=_next(asked.ms_worst, worst, limits.ms_worst, "ms_worst" in active),
-        )
-        if asked == before:
-            return made
+            kept = design
+        new_ms = _next(request.ms, ms, limits.ms, "ms" in active)
+        new_worst = _next(request.ms_worst, worst, limits.ms_worst, "ms_worst" in active)
+        if (new_ms, new_worst) == (request.ms, request.ms_worst):
+            return design
+        request = replace(request, ms=new_ms, ms_worst=new_worst)
     if kept is None:
         raise ValueError(
             f"no controller was found whose loop keeps ms <= {limits.ms:g} and ms_worst <= {limits.ms_worst:g}: the "
@@ -154,19 +153,19 @@ def correct_request(
     return kept
 
 
-def _next(asked: float, found: float, limit: float, active: bool) -> float:
-    """What to ask for next, the same where the limit is met, or kept and not what holds the design back."""
-    if found <= limit * (1 + STILL_KEPT) and not (active and found < limit * (1 - MET)):
-        return asked
-    wanted = (limit * (1 - 0.5 * MET) - 1) / (found - 1)
-    return 1 + (asked - 1) * min(max(wanted, LEAST_FACTOR), LARGEST_FACTOR)
+def _next(request: float, result: float, limit: float, active: bool) -> float:
+    """Return the next request: the same if the limit is met, or if it is kept and not active."""
+    if result <= limit * (1 + STILL_KEPT) and not (active and result < limit * (1 - MET)):
+        return request
+    factor = (limit * (1 - 0.5 * MET) - 1) / (result - 1)
+    return 1 + (request - 1) * min(max(factor, LEAST_FACTOR), LARGEST_FACTOR)
 
 
 def refusal(limits: Requirements, remedy: str, worst: float, more: str = "") -> ValueError:
-    """Return the error that says why there is no design that is safe with the family."""
-    found = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
+    """Return the error for a family without a safe design."""
+    result = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
     return ValueError(
-        f"the model is too uncertain for this controller: a plant of its spread gives {found}, where "
+        f"the model is too uncertain for this controller: a plant of its spread gives {result}, where "
         f"ms_worst = {limits.ms_worst:g} is allowed{more}; {remedy}"
     )
 
@@ -176,44 +175,23 @@ def make_safe(
 ) -> tuple[Design, float]:
     """Return a design that is safe with all plants of the family, and its price.
 
-    Parameters
-    ----------
-    make : callable
-        Makes a design for requirements.
-    evaluator : LoopEvaluator
-        Judges it in the loop that will run.
-    process : Process
-        The model.
-    limits : Requirements
-        What the loop has to keep.
-    remedy : str
-        What would help where there is no such design, for the message.
-
-    Returns
-    -------
-    design : Design
-    price : float
-        How many times its IAE is that of the design for the process alone.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or none that is worth having.
+    The price is its IAE over that of the design for the process alone. If there is no such design, or its price is
+    above 3, the error contains the remedy.
     """
 
-    def sizes(made: Design) -> tuple[float, float]:
-        return evaluator.ms(made, process).ms, evaluator.worst(made, limits.family).ms
+    def sizes(design: Design) -> tuple[float, float]:
+        return evaluator.ms(design, process).ms, evaluator.worst(design, limits.family).ms
 
     alone = replace(limits, family=())
-    plain = correct_request(make, lambda made: (evaluator.ms(made, process).ms, 0.0), alone)
+    plain = correct_request(make, lambda design: (evaluator.ms(design, process).ms, 0.0), alone)
     worst = evaluator.worst(plain, limits.family).ms
     if worst <= limits.ms_worst * (1 + STILL_KEPT):
         return plain, 1.0
     try:
-        made = correct_request(make, sizes, limits, plain)
+        safe = correct_request(make, sizes, limits, plain)
     except ValueError as failed:
         raise refusal(limits, remedy, worst, f" ({failed})") from None
-    price = load_iae(evaluator.loop(made, process)) / load_iae(evaluator.loop(plain, process))
-    if price > TOO_DEAR:
-        raise refusal(limits, remedy, worst, f", and a design that is safe has {price:.1f} times the IAE")
-    return made, price
+    price = load_iae(evaluator.loop(safe, process)) / load_iae(evaluator.loop(plain, process))
+    if price > PRICE_LIMIT:
+        raise refusal(limits, remedy, worst, f", and a safe design has {price:.1f} times the IAE")
+    return safe, price

@@ -1,4 +1,4 @@
-"""Tune a controller for a process or a fitted model, and price in what the model does not know."""
+"""Tune a controller for a process or a fitted model, robust to the uncertainty of the model."""
 
 from __future__ import annotations
 
@@ -22,14 +22,23 @@ from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 
-# in one such sample a process that settles answers by 63 % or more, and little is left to control in the next; an
-# integrator has no such time, and its other dynamics are at rest after ten times their longest one
-LONGEST_SAMPLE, AT_REST = 1.0, 10.0
-OTHER_UNIT = 100.0  # times faster or slower than the record: a sample time that may be in another unit
+# longest sample time, over the sum of lags and dead time: the plant then answers by 63 % or more within one sample
+LONGEST_SAMPLE = 1.0
+AT_REST = (
+    10.0  # the same over the longest time of an integrating plant: all but the integrator is then at rest
+)
+OTHER_UNIT = 100.0  # ratio of sample times from which on they may be in different units
+DEFAULT_MKS = 10.0  # default limit of the gain from noise to u, in units of `_gain_needed`
+DEFAULT_NOISE_SHARE = 0.01  # standard deviation of u by noise, as a share of the input's step in a record
+MOST_MS = 5.0
+PHASE_UNKNOWN = 1e-3  # phase in rad that no model is accurate to
+SPREAD = 20  # plants drawn from the uncertainty of a fit
+PRICE_WARNING = 1.5  # price of robustness in IAE from which on it is doubted
+LONG_TURN = 0.5  # phase of the crossover in a sample, in rad, above which the sampling is too slow
 
 
 def require_sampling(process: Process, sample_time: float) -> None:
-    """Refuse a sample time in which the process does all it ever does."""
+    """Refuse a sample time within which the process has done most of its answer."""
     times = [1 / speed for speed in corner_frequencies(process)]
     poles = np.abs(roots(process.den))
     if np.isfinite(process.gain()):
@@ -45,7 +54,7 @@ def require_sampling(process: Process, sample_time: float) -> None:
 
 
 def doubt_unit(sample_time: float, recorded: float) -> list[str]:
-    """Say where a sample time is so far from that of the record that it may be in another unit."""
+    """Doubt a sample time that is so far from that of the record that it may be in another unit."""
     share = sample_time / recorded
     if 1 / OTHER_UNIT < share < OTHER_UNIT:
         return []
@@ -54,18 +63,8 @@ def doubt_unit(sample_time: float, recorded: float) -> list[str]:
 
 def corner_frequencies(process: Process) -> Array:
     """Return the frequencies of poles and zeros, and that of the dead time."""
-    found = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
-    return np.append(found[found > 0], [1 / process.delay] if process.delay else [])
-
-
-# default limit of the gain from noise to u, in units of what the plant asks of u for a unit of y
-LOUDEST = 10.0
-QUIET = 0.01  # share of the input's step in a record that noise may make of u, in standard deviations
-MOST_MS = 5.0
-UNSEEN = 1e-3  # phase in rad that no model is known to
-SPREAD = 20  # plants drawn from the uncertainty of a fit
-DEAR = 1.5  # price of robustness in IAE that is doubted
-SLOW = 0.5  # turn of the crossover in a sample, in rad, from which on a loop is too fast for its sampling
+    speeds = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
+    return np.append(speeds[speeds > 0], [1 / process.delay] if process.delay else [])
 
 
 def tune(
@@ -85,48 +84,45 @@ def tune(
     Parameters
     ----------
     model : Process or Fit
-        The plant, or what `pidalab.identification.fit` made of a record.
+        The plant, or the fit of a record.
     kind : {"PIDA", "PID", "PI"}, optional
-        Which controller.
+        Kind of controller.
     ms : float, optional
         Largest maximum sensitivity, above 1: 1.4 is cautious, 2 fast. With a sample time, that of the sampled loop.
-        Rules that do not know Ms (all but "optimal" and "haalman") ignore it; the value reached is in the result.
+        Rules without a parameter for Ms (all but "optimal" and "haalman") ignore it; the result has the value reached.
     noise_gain : float, optional
-        Largest standard deviation of u per unit of that of white measurement noise, sampled with `sample_time`.
-        Without it, a Fit whose record is noisy allows the noise to move u by 1 % of the record's step, and a Process
-        allows a gain of 10 from noise to u, over all frequencies, per unit of what it asks of u for a unit of y.
+        Largest ratio of the standard deviations of u and of white measurement noise, sampled with `sample_time`. By
+        default the noise of a Fit may move u by 1 % of the record's step. A Process, or a Fit without noise, may have
+        ten times the gain from noise to u, at any frequency, that the plant needs of u for a unit of y.
     sample_time : float, optional
-        Sample time of the controller that will run the design, by backward differences, above 0. Half of it is added to
-        the dead time in the design, as holding does in the loop, and what is asked of the design is corrected until the
-        sampled loop has the Ms that is wanted, to 0.1 %.
+        Sample time of the controller that will run the design by backward differences, above 0. The design adds half of
+        it to the dead time, for the hold, and is corrected until the sampled loop has the requested Ms, to 0.1 %.
     rule : str, optional
-        "optimal", the least IAE for loads; or a name of the registry, `pidalab.rules.registry`, such as "haalman" or
-        "simc".
+        "optimal", the least IAE for loads, or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
     spread : float, optional
-        What the model may be wrong by, as a share: gain, time scale and dead time are varied by it, up and down. By
-        default a Process is not varied, and a Fit by its own uncertainty and by 15 % of the gain, up or down, as at
-        another working point or with a valve that sticks (`Fit.plants`). The worst of the twenty plants drawn from that
-        is no bound: of random plants a few in a hundred were worse.
+        Relative error of the model: gain, time scale and dead time are varied by it, up and down. By default a Process
+        is not varied. A Fit is varied by its uncertainty and by 15 % of the gain, up or down (`Fit.plants`). The worst
+        of the twenty plants drawn from that is not a bound: a few in a hundred random plants were worse.
     output_filter : control.TransferFunction, optional
-        A filter of your own (or the lag of a sensor) in series with the controller: the design knows it.
+        A filter in series with the controller, or the lag of a sensor, which the design takes into account.
     ms_worst : float, optional
         Largest maximum sensitivity with any plant of the spread, above 1.
 
     Returns
     -------
     Design
-        Its `info` has ``iae``, that of a load step in units of y times time; ``ms``; ``mks``, the largest gain from
-        noise to u; with a sample time ``ms_sampled``. Over the spread, if there is one: ``ms_worst`` (of the sampled
-        loop, with a sample time); ``iae_worst``, the IAE with the plant that has it; and ``price``, the IAE over that
-        of the design without `ms_worst`. ``doubts`` is what a user should know, ``notes`` what was assumed.
+        Its `info` has ``iae`` (of a load step, in units of y times time), ``ms``, ``mks`` (largest gain from noise to
+        u) and, with a sample time, ``ms_sampled``. With a spread also ``ms_worst`` (of the sampled loop, with a sample
+        time), ``iae_worst`` with the same plant, and ``price``, the IAE over that of the design without `ms_worst`.
+        ``doubts`` are reservations, ``notes`` assumptions.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, a rule that does not make this kind of controller, and what the rule itself refuses:
-        a model outside its validity, or limits that nothing satisfies. Also for a loop that would be unstable with the
-        model, or have a worst Ms above `ms_worst`, unless three times the IAE is enough to avoid it; and for a Fit that
-        leaves more than noise and has fewer poles than `kind` has derivatives.
+        For arguments out of range, a rule that does not make this kind of controller, a model outside its validity, and
+        limits that nothing satisfies. Also for a loop that is unstable with the model, a worst Ms above `ms_worst` that
+        three times the IAE does not avoid, and a Fit with a large model error and fewer poles than `kind` has
+        derivatives.
 
     Examples
     --------
@@ -155,8 +151,8 @@ def tune(
     notes: list[str] = []
     if isinstance(model, Fit) and sample_time is not None:
         doubts += doubt_unit(sample_time, model.record.sampling)
-    process = _without_unseen_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
-    # before the search, so that a spread out of range is refused at once
+    process = _without_short_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
+    # before the search, to refuse a spread out of range at once
     plants = plants_within(model, process, spread)
     if plants and ms > ms_worst:
         raise ValueError(
@@ -168,16 +164,13 @@ def tune(
         raise ValueError(
             f"the sign of the gain is not settled, and no controller is stable with both signs: {remedy}"
         )
-    designed, *others = (
-        _seen_by_the_controller(plant, sample_time, output_filter) for plant in [process, *plants]
-    )
+    designed, *others = (_as_designed_for(plant, sample_time, output_filter) for plant in [process, *plants])
     _known_dynamics(model, designed, kind, doubts)
     evaluator = LoopEvaluator(sample_time, output_filter)
     if named is None:
         noise = _noise_limits(model, designed, noise_gain, sample_time, notes)
-        made, price = make_safe(
-            _optimal(designed, others, kind), evaluator, process, replace(limits, **noise), remedy
-        )
+        designer = _optimal(designed, others, kind)
+        made, price = make_safe(designer, evaluator, process, replace(limits, **noise), remedy)
         if "sample_time" in made.active:
             doubts.append(doubt("fast filter", sample_time=made.info["sample_time"]))
     else:
@@ -185,8 +178,9 @@ def tune(
         if noise_gain is not None:
             _check.real("noise_gain", noise_gain, above=0.0)
             doubts.append(doubt("noise unused", rule=rule))
-        process = _without_unseen_delay(process, _highest_crossover(process, made), doubts)
-    if price > DEAR:
+        fastest = _highest_crossover(Loop(process, made.controller, made.output_filter))
+        process = _without_short_delay(process, fastest, doubts)
+    if price > PRICE_WARNING:
         doubts.append(doubt("price", price=price, remedy=remedy))
     loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
@@ -198,7 +192,7 @@ def tune(
     if plants:
         info["ms_worst"], reason = evaluator.worst(made, plants)
         reasons.append(reason)
-        # of one plant: to simulate all twenty would take longer than the search
+        # of one plant only: simulating all twenty would take longer than the search
         worst = max(plants, key=lambda plant: evaluator.ms(made, plant).ms)
         info["iae_worst"] = _iae_ms_mks(evaluator.loop(made, worst))["iae"]
         info["price"] = price
@@ -207,15 +201,15 @@ def tune(
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
 
-def _seen_by_the_controller(process: Process, sample_time: float | None, output_filter: Any) -> Process:
-    """Return the process with the filter in series and the half sample that a held control signal waits."""
+def _as_designed_for(process: Process, sample_time: float | None, output_filter: Any) -> Process:
+    """Return the process with the filter in series and half a sample of dead time, for the hold."""
     num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
     delay = process.delay + (sample_time or 0.0) / 2
     return Process(np.convolve(process.num, num), np.convolve(process.den, den), delay)
 
 
 def _remedy(model: Process | Fit) -> str:
-    """What would make a model more certain."""
+    """Return advice that makes a model more certain."""
     if isinstance(model, Fit):
         return "a longer record, a larger step or several of them, or less noise would help"
     return "a smaller spread would help"
@@ -230,12 +224,12 @@ def _by_rule(
     limits: Requirements,
     remedy: str,
 ) -> tuple[Design, float]:
-    """A rule's design and its price; one that does not know Ms is taken as it is, or refused."""
+    """Return a rule's design and its price. A rule that ignores Ms is taken as it is, or refused."""
     if rule.knows_ms:
 
-        def make(asked: Requirements, near: Design | None) -> tuple[Design, list[str]]:
-            binding = "ms_worst" if asked.family and asked.ms_worst < asked.ms else "ms"
-            return rule.tune(designed, kind, replace(asked, ms=getattr(asked, binding))), [binding]
+        def make(request: Requirements, near: Design | None) -> tuple[Design, list[str]]:
+            active = "ms_worst" if request.family and request.ms_worst < request.ms else "ms"
+            return rule.tune(designed, kind, replace(request, ms=getattr(request, active))), [active]
 
         return make_safe(make, evaluator, process, limits, remedy)
     made = rule.tune(designed, kind, limits)
@@ -245,21 +239,18 @@ def _by_rule(
         )
     worst = evaluator.worst(made, limits.family).ms
     if worst > limits.ms_worst:
-        raise refusal(limits, f"{remedy}, or the rule 'optimal', which knows Ms", worst)
+        raise refusal(limits, f"{remedy}, or the rule 'optimal', which keeps Ms", worst)
     return made, 1.0
 
 
 def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
-    """Say where the sample time is too long for the loop, or for its filters."""
-    from pidalab.robustness.margins import gain_crossovers
-
-    turn = sample_time * float(gain_crossovers(loop).max(initial=0.0))
-    if turn > SLOW:
-        doubts.append(
-            doubt("long sample", sample_time=sample_time, turn=turn, better=SLOW / turn * sample_time)
-        )
+    """Doubt a sample time that is too long for the loop, or for its filters."""
+    turn = sample_time * _highest_crossover(loop)
+    if turn > LONG_TURN:
+        better = LONG_TURN / turn * sample_time
+        doubts.append(doubt("long sample", sample_time=sample_time, turn=turn, better=better))
     fastest = float(np.abs(roots(loop.controller.fraction()[1])).max(initial=0.0))
-    if fastest * sample_time > 1 + UNSEEN:
+    if fastest * sample_time > 1 + PHASE_UNKNOWN:
         doubts.append(doubt("filter lost", filter_time=1 / fastest, sample_time=sample_time))
 
 
@@ -270,53 +261,56 @@ def _noise_limits(
     sample_time: float | None,
     notes: list[str],
 ) -> dict[str, Any]:
-    """Return the limits of noise; without one given, a default, which is reported."""
+    """Return the limits of noise. A default is noted."""
     if noise_gain is None and isinstance(model, Fit) and model.noise > 0 and model.record.steps:
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
-        noise_gain, sample_time = QUIET * moved / model.noise, sample_time or model.record.sampling
+        noise_gain, sample_time = (
+            DEFAULT_NOISE_SHARE * moved / model.noise,
+            sample_time or model.record.sampling,
+        )
         notes.append(
             f"noise gain at most {noise_gain:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
         )
     elif noise_gain is None:
-        mks = LOUDEST * _asked_of_u(designed)
+        mks = DEFAULT_MKS * _gain_needed(designed)
         notes.append(
             f"gain from noise to u at most {mks:.3g} at any frequency (mks), since no limit was given"
         )
-        return {"mks": mks}  # without noise the half sample in `designed` is enough
+        return {"mks": mks}  # the sample time matters for noise only
     elif sample_time is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
     return {"noise_gain": noise_gain, "sample_time": sample_time}
 
 
 def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
-    """Return the search for the least IAE, with the family as the controller sees it."""
+    """Return the search for the least IAE, with the family as the design needs it."""
     from pidalab import optimal
 
-    def make(asked: Requirements, near: Design | None) -> tuple[Design, Any]:
-        seen = replace(asked, family=tuple(others) if asked.family else ())
-        found = optimal.least_iae(designed, ORDER[kind], seen, near)
-        return found, found.active
+    def make(request: Requirements, near: Design | None) -> tuple[Design, Any]:
+        family = tuple(others) if request.family else ()
+        optimum = optimal.least_iae(designed, ORDER[kind], replace(request, family=family), near)
+        return optimum, optimum.active
 
     return make
 
 
-def _without_unseen_delay(process: Process, fastest: float, doubts: list[str]) -> Process:
-    """Leave out a dead time that a loop cannot notice which acts up to a frequency, and say so."""
-    if not 0 < process.delay * fastest < UNSEEN:
+def _without_short_delay(process: Process, fastest: float, doubts: list[str]) -> Process:
+    """Leave out, with a doubt, a dead time that is negligible up to a frequency."""
+    if not 0 < process.delay * fastest < PHASE_UNKNOWN:
         return process
-    doubts.append(doubt("short delay", delay=process.delay, phase=UNSEEN))
+    doubts.append(doubt("short delay", delay=process.delay, phase=PHASE_UNKNOWN))
     return Process(process.num, process.den)
 
 
-def _highest_crossover(process: Process, made: Design) -> float:
-    """Return the highest frequency at which the gain of a design's loop is 1, 0 if there is none."""
+def _highest_crossover(loop: Loop) -> float:
+    """Return the highest gain crossover, 0 if there is none."""
     from pidalab.robustness.margins import gain_crossovers
 
-    return float(gain_crossovers(Loop(process, made.controller, made.output_filter)).max(initial=0.0))
+    return float(gain_crossovers(loop).max(initial=0.0))
 
 
 def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time: float | None) -> float:
-    """Return the highest frequency at which a loop can act: by its sampling, or by the default limit of noise."""
+    """Return the highest frequency at which a loop can act, given its sampling or the default limit of noise."""
     if sample_time is not None:
         return 1 / sample_time
     plain = Process(process.num, process.den)
@@ -324,13 +318,13 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     if rule != "optimal" or noise_gain is not None or not corners.size:
         return math.inf
     # |T| is at most |P| times the gain from noise to u
-    w = np.geomspace(1e-4 * corners.min(), 1e4 * corners.max(), 4801)
-    acts = LOUDEST * _asked_of_u(plain) * np.abs(plain(1j * w)) >= 1
+    w = _grid(corners)
+    acts = DEFAULT_MKS * _gain_needed(plain) * np.abs(plain(1j * w)) >= 1
     return math.inf if acts[-1] else float(w[np.flatnonzero(acts).max(initial=0)])
 
 
-def _asked_of_u(process: Process) -> float:
-    """Return 1/|P| where the phase has fallen by 45 degrees from rest, or at rest for a process that settles."""
+def _gain_needed(process: Process) -> float:
+    """Return what a unit of y needs of u: 1/|P| at rest or, for an integrator, where its phase has fallen by 45°."""
     gain = process.gain()
     if math.isfinite(gain):
         return 1 / abs(gain)
@@ -340,30 +334,32 @@ def _asked_of_u(process: Process) -> float:
             "noise_gain and sample_time must be given for integrators without lag and dead time: nothing else limits "
             "the speed of their loop"
         )
-    w = np.geomspace(1e-4 * corners.min(), 1e4 * corners.max(), 4801)
-    value = process(1j * w)
-    turned = np.unwrap(np.angle(value))
-    k = int(np.argmax(turned <= turned[0] - np.pi / 4))
-    return float(1 / np.abs(value[k]))
+    response = process(1j * _grid(corners))
+    phase = np.unwrap(np.angle(response))
+    return float(1 / np.abs(response[int(np.argmax(phase <= phase[0] - np.pi / 4))]))
+
+
+def _grid(corners: Array) -> Array:
+    """Return frequencies from far below to far above the corners."""
+    return np.geomspace(1e-4 * corners.min(), 1e4 * corners.max(), 4801)
 
 
 def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: list[str]) -> None:
-    """Doubt a derivative beyond the poles of the model; refuse it where the record shows that some are missing."""
+    """Doubt a derivative beyond the poles of the model. Refuse it if the record shows that poles are missing."""
     known = len(process.den) - 1
     if known >= ORDER[kind]:
         return
-    short = f"the model has {known} pole(s), and a {kind} acts on dynamics beyond them"
     if isinstance(model, Fit) and model.incomplete:
         raise ValueError(
-            f"{short}, which the record shows to be there (a model error of {model.model_error:.3g}, noise "
-            f"{model.noise:.3g}) and does not settle: take a lower kind, or step the input several times, further and "
-            "from rest"
+            f"the model has {known} pole(s), and a {kind} acts on dynamics beyond them. The record shows that "
+            f"there are such dynamics (a model error of {model.model_error:.3g}, noise {model.noise:.3g}) but does not "
+            "identify them: take a lower kind, or step the input several times, further and from rest"
         )
     doubts.append(doubt("few poles", known=known, kind=kind))
 
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:
-    """Ms, mks and the IAE of a load step; nan and infinity for an unstable loop."""
+    """Return Ms, mks and the IAE of a load step, infinite for an unstable loop."""
     from pidalab.robustness import max_control_sensitivity
     from pidalab.robustness.margins import max_sensitivity
     from pidalab.robustness.poles import is_stable
@@ -375,12 +371,12 @@ def _iae_ms_mks(loop: Loop) -> dict[str, float]:
 
 
 def plants_within(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:
-    """Return plants in which the model may be wrong: by a share, or as the record of a fit leaves them."""
+    """Return the plants that the design must be safe with: off by a share, or drawn from a fit."""
     if spread is None:
         return model.plants(SPREAD + 1)[1:] if isinstance(model, Fit) else []
     share = _check.real("spread", spread, above=0.0)
     if share >= 1:
-        raise ValueError(f"spread must be a share below 1, found {spread!r}")
+        raise ValueError(f"spread must be below 1, found {spread!r}")
     return perturbed_plants(process, share)
 
 
@@ -390,9 +386,9 @@ def perturbed_plants(process: Process, share: float) -> list[Process]:
     Parameters
     ----------
     process : Process
-        The plant as it is thought to be.
+        The nominal plant.
     share : float
-        What it may be wrong by, from 0 to below 1.
+        Relative error, from 0 to below 1.
 
     Returns
     -------
@@ -406,8 +402,8 @@ def perturbed_plants(process: Process, share: float) -> list[Process]:
     >>> [round(float(plant.gain()), 1) for plant in perturbed_plants(pidalab.fopdt(1.0, 2.0, 1.0), 0.2)]
     [0.8, 0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2]
     """
-    found = []
+    plants = []
     for gain, time, delay in product((1 - share, 1 + share), repeat=3):
         num, den = (c * time ** np.arange(c.size - 1.0, -1.0, -1.0) for c in (process.num, process.den))
-        found.append(Process(gain * num, den, delay * process.delay))
-    return found
+        plants.append(Process(gain * num, den, delay * process.delay))
+    return plants

@@ -1,4 +1,4 @@
-"""Turn an ultimate gain and period, given or of an oscillation that a relay keeps up, into gains."""
+"""Gains from an ultimate gain and period, which may come from a relay experiment."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab.controllers import PIDA
+from pidalab.plant.doubts import doubt, with_doubts
 from pidalab.plant.record.cleaning import column
 from pidalab.process import Process, fopdt, ipdt, lags
 
-# kp over Ku, ti and td over Tu
+# kp/Ku, ti/Tu and td/Tu
 RULES = {
     ("Ziegler-Nichols", "PI"): (0.45, 1 / 1.2, 0.0),
     ("Ziegler-Nichols", "PID"): (0.6, 0.5, 0.125),
@@ -25,25 +26,25 @@ RULES = {
 }
 SHARES = (0.2, 1.0)  # dead time over lag of the first-order models
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
-SETTLED = 0.05  # share by which the last periods may differ
-OFF_PHASE = 10.0  # degrees
+SETTLED = 0.05  # relative difference allowed between the last periods
+OFF_PHASE = 10.0  # degrees that the phase may differ from -180
 
 
 class Oscillation(NamedTuple):
-    """An oscillation that a relay keeps up.
+    """The oscillation of a plant with a relay. ``print`` shows it with its doubts.
 
     Attributes
     ----------
     ku, tu : float
-        The gain of a proportional controller that would keep it up, and the period.
+        Ultimate gain and period.
     amplitude : float
-        Of the fundamental of the output.
+        Amplitude of the fundamental of the output.
     phase : float
-        Of the plant at the frequency, in degrees; -180 for a relay without hysteresis.
+        Phase of the plant at this period, in degrees: -180 for a relay without hysteresis.
     bias : float
         Share of the time that u spends at its upper level: 0.5 without bias.
     cycles : int
-        How many were measured.
+        Cycles measured.
     """
 
     ku: float
@@ -53,16 +54,13 @@ class Oscillation(NamedTuple):
     bias: float
     cycles: int
 
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What a user should know."""
-        found = []
-        if abs(self.phase + 180.0) > OFF_PHASE:
-            found.append(
-                f"the plant's phase at this period is {self.phase:.0f} degrees, not -180: hysteresis, or a biased "
-                "relay; the gain holds at this period, and the true ultimate period is another one"
-            )
-        return tuple(found)
+    def __str__(self) -> str:
+        text = (
+            f"oscillation over {self.cycles} cycles: amplitude {self.amplitude:.4g}, period {self.tu:.5g}, u at its "
+            f"upper level for {100 * self.bias:.0f} % of the time; ultimate gain {self.ku:.4g}"
+        )
+        off = abs(self.phase + 180.0) > OFF_PHASE
+        return with_doubts(text, [doubt("relay phase", phase=self.phase)] if off else [])
 
 
 def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
@@ -71,7 +69,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     Parameters
     ----------
     t, u, y : array_like, shape (n,)
-        Times, the output of the relay, held from each sample to the next, and the output of the plant.
+        Times, the held output of the relay, and the output of the plant.
 
     Returns
     -------
@@ -80,13 +78,12 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     Raises
     ------
     ValueError
-        For an input that does not switch between two levels, fewer than three cycles, and cycles that still change.
+        For an input that does not switch between two levels, fewer than three cycles, or changing cycles.
 
     Notes
     -----
-    Over whole periods the first Fourier coefficients of u and y are those of a steady oscillation, for which
-    :math:`P(j\omega) = Y_1/U_1` whatever the form and the bias of u. So :math:`K_u = |U_1/Y_1|`, where the usual
-    :math:`4 d/(\pi a)` takes u for a square wave and y for a sine.
+    In a steady oscillation the first Fourier coefficients over whole periods give :math:`P(j\omega) = Y_1/U_1` for any
+    form and bias of u. So :math:`K_u = |U_1/Y_1|`. The usual :math:`4 d/(\pi a)` assumes a square wave and a sine.
 
     Examples
     --------
@@ -102,9 +99,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     high = u > middle
     between = np.abs(u - middle) < 0.4 * float(np.ptp(u))
     if np.ptp(u) == 0 or np.mean(between) > SETTLED:
-        raise ValueError(
-            "u must switch between two levels, as a relay makes it: name the relay's output (--u)"
-        )
+        raise ValueError("u must switch between two levels like a relay: name the relay's output (--u)")
     rises = np.flatnonzero(high[1:] & ~high[:-1]) + 1
     cycles = min(rises.size - 1, 5)
     if cycles < FEWEST_CYCLES:
@@ -120,7 +115,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     if now.size < FEWEST_IN_CYCLE * cycles:
         raise ValueError(f"sample {FEWEST_IN_CYCLE} times or more in a period, found {now.size / cycles:.1f}")
     held = np.diff(t[rises[0] : rises[-1] + 1])
-    # u is held: its coefficient is exact; of y each sample counts for half the interval on either side
+    # the coefficient of the held u is exact; each sample of y counts for half of both intervals beside it
     w = 2j * np.pi / tu
     edges = np.exp(-w * t[rises[0] : rises[-1] + 1])
     first_u = np.sum(u[part] * np.diff(edges)) / (-w * np.sum(held))

@@ -56,21 +56,22 @@ class VendorForms(NamedTuple):
         The parameters of that firmware; empty if `full_output` was not given.
     """
 
-    ideal: dict[str, float] | str
-    series: dict[str, float] | str
-    parallel: dict[str, float] | str
+    ideal: Form
+    series: Form
+    parallel: Form
     filters: str = "none"
-    klipper: dict[str, float] | str = ""
-    betaflight: dict[str, float] | str = ""
+    klipper: Form = ""
+    betaflight: Form = ""
 
     def __str__(self) -> str:
         """List the forms that exist, and in one line those that do not."""
-        forms = {name: form for name, form in self._asdict().items() if form and name != "filters"}
-        lines, missing = [], {name: form for name, form in forms.items() if isinstance(form, str)}
-        for name, form in (forms | {"filters": self.filters}).items():
-            if name not in missing:
-                numbers = isinstance(form, dict) and ", ".join(f"{key} = {x:.5g}" for key, x in form.items())
-                lines.append(f"{name + ': ':10}{numbers or form}")
+        lines, missing = [], {}
+        for name, form in self._asdict().items():
+            if isinstance(form, dict):
+                lines.append(f"{name + ': ':10}{', '.join(f'{key} = {x:.5g}' for key, x in form.items())}")
+            elif form and name != "filters":
+                missing[name] = form
+        lines.append(f"filters:  {self.filters}")
         if missing:
             lines.append(f"no vendor block for: {', '.join(missing)} ({next(iter(missing.values()))})")
         return "\n".join(lines)
@@ -82,15 +83,16 @@ def vendor_forms(
     """Return the gains as parameters of vendor blocks, with the filters; `time_unit` is that of the model."""
     _check.choice("time_unit", time_unit, SECONDS)
     unit = SECONDS[time_unit]
-    ideal, series, parallel = _forms(gains, unit)
-    found = VendorForms(ideal, series, parallel, _filters(parts, unit))
+    filters = ", ".join(_filter(part, unit) for part in parts if part.filter_order) or "none"
+    if gains.ka:
+        lost = f"these blocks have no acceleration term, and ka = {gains.ka:.5g} would be lost"
+        return VendorForms(lost, lost, lost, filters, *[lost] * (0 if full_output is None else 2))
+    forms = VendorForms(*_forms(gains, unit), filters)
     if full_output is None:
-        return found
-    if gains.ka:  # for the same reason as the other forms
-        return found._replace(klipper=parallel, betaflight=parallel)
+        return forms
     flight = firmware_form(gains, "betaflight", full_output, time_unit)
     flight["I of yaw"] = firmware_form(gains, "betaflight-yaw", full_output, time_unit)["I"]
-    return found._replace(klipper=firmware_form(gains, "klipper", full_output, time_unit), betaflight=flight)
+    return forms._replace(klipper=firmware_form(gains, "klipper", full_output, time_unit), betaflight=flight)
 
 
 def firmware_form(
@@ -127,11 +129,11 @@ def firmware_form(
     >>> {name: round(number, 4) for name, number in firmware_form(gains, "klipper", 100.0).items()}
     {'pid_Kp': 20.4, 'pid_Ki': 1.02, 'pid_Kd': 102.0}
     """
-    one, unit, full = _firmware(firmware, full_output, time_unit)
+    scale, unit, full = _firmware(firmware, full_output, time_unit)
     if gains.ka:
         raise ValueError(f"{firmware} has no acceleration term, and ka = {gains.ka:.5g} would be lost")
-    numbers = one.p * gains.kp / full, one.i * gains.ki / unit / full, one.d * gains.kd * unit / full
-    return dict(zip(one.names, numbers, strict=True))
+    numbers = scale.p * gains.kp / full, scale.i * gains.ki / unit / full, scale.d * gains.kd * unit / full
+    return dict(zip(scale.names, numbers, strict=True))
 
 
 def firmware_gains(
@@ -165,12 +167,12 @@ def firmware_gains(
     >>> round(gains.kp, 4), round(gains.ki, 4), round(gains.kd, 4), lag
     (8.0, 0.4, 40.0, 1.0)
     """
-    one, unit, full = _firmware(firmware, full_output, time_unit)
-    numbers = [_check.real(name, number) for name, number in zip("pid", (p, i, d), strict=True)]
+    scale, unit, full = _firmware(firmware, full_output, time_unit)
+    p, i, d = (_check.real(name, number) for name, number in zip("pid", (p, i, d), strict=True))
     if min(i * p, d * p) < 0:
         raise ValueError(f"p, i and d must have one sign, found {p:g}, {i:g} and {d:g}")
-    kp, ki, kd = (number * full / scale for number, scale in zip(numbers, one[:3], strict=True))
-    return IdealGains(ki * unit, kp, kd / unit, 0.0), one.lag / unit
+    gains = IdealGains(i * full / scale.i * unit, p * full / scale.p, d * full / scale.d / unit, 0.0)
+    return gains, scale.lag / unit
 
 
 def _firmware(firmware: str, full_output: float, time_unit: str) -> tuple[Firmware, float, float]:
@@ -184,13 +186,10 @@ def _firmware(firmware: str, full_output: float, time_unit: str) -> tuple[Firmwa
 
 
 def _forms(gains: IdealGains, unit: float) -> tuple[Form, Form, Form]:
-    """Return the ideal, the series and the parallel form."""
-    ki, kp, kd, ka = gains
-    if ka:
-        reason = f"these blocks have no acceleration term, and ka = {ka:.5g} would be lost"
-        return reason, reason, reason
-    parallel = {"Kp": kp, "Ki [1/s]": ki / unit, "Ki [1/min]": 60 * ki / unit, "Kd [s]": kd * unit}
-    parallel["Kd [min]"] = kd * unit / 60
+    """Return the ideal, the series and the parallel form of gains without acceleration."""
+    ki, kp, kd, _ = gains
+    parallel = {"Kp": kp, "Ki [1/s]": ki / unit, "Ki [1/min]": 60 * ki / unit}
+    parallel |= {"Kd [s]": kd * unit, "Kd [min]": kd * unit / 60}
     if kp == 0:
         reason = "kp is 0, and the times of these blocks are ratios to kp"
         return reason, reason, parallel
@@ -201,8 +200,7 @@ def _forms(gains: IdealGains, unit: float) -> tuple[Form, Form, Form]:
     try:
         series = gains.series()
     except ValueError:
-        reason = f"this block needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}"
-        return ideal, reason, parallel
+        return ideal, f"this block needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}", parallel
     return ideal, _with_units(series.kp, series.ti * unit, series.kd / series.kp * unit), parallel
 
 
@@ -212,12 +210,8 @@ def _with_units(gain: float, ti: float, td: float) -> dict[str, float]:
     return {"Kc": gain, **times}
 
 
-def _filters(parts: tuple[FilteredGains, ...], unit: float) -> str:
-    """List the parts of a controller with the time constants and numbers of their lags."""
-    said = []
-    for part in parts:
-        if part.filter_order:
-            name = "all parts" if part.name == "filtered" else part.name
-            times = f" ({part.filter_order} equal lags)" if part.filter_order > 1 else ""
-            said.append(f"{name} {part.filter_time * unit:.5g} s{times}")
-    return ", ".join(said) or "none"
+def _filter(part: FilteredGains, unit: float) -> str:
+    """Describe the filter of a part of the controller."""
+    name = "all parts" if part.name == "filtered" else part.name
+    order = f" ({part.filter_order} equal lags)" if part.filter_order > 1 else ""
+    return f"{name} {part.filter_time * unit:.5g} s{order}"

@@ -1,4 +1,4 @@
-"""Write files whole or not at all, and replace edited files only when asked to."""
+"""Write files completely or not at all, and replace edited files only on request."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-PREFIX = ".pidalab-"  # of the hidden folder in which files wait to be renamed
-ABANDONED = 600.0  # seconds after which such a folder belongs to a run that was killed
+PREFIX = ".pidalab-"  # of the hidden folder for files that are not yet renamed
+ABANDONED = 600.0  # age of such a folder, in seconds, from which its run must have been killed
 
 
 def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:
-    """Write texts as files of a folder: all of them whole, or none.
+    """Write texts as files of a folder: all of them, or none.
 
     Parameters
     ----------
     folder : str or pathlib.Path
-        Where to; made if it is missing.
+        The folder; created if missing.
     texts : mapping of str to str
         File names and contents.
     replace : bool, optional
-        Whether to replace files of the same names with other contents.
+        Replace files of the same names with other contents.
 
     Returns
     -------
@@ -39,9 +39,9 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
 
     Notes
     -----
-    The files are written into a hidden folder beside their places, and renamed when the last one is on the disk. If
-    anything interrupts the renaming, Ctrl-C included, the files that were renamed get their earlier contents back.
-    Hidden folders of killed runs are removed by a later call.
+    The files are first written into a hidden folder beside their places, and renamed when the last one is on the disk.
+    If the renaming is interrupted, also by Ctrl-C, earlier contents are restored. Hidden folders of killed runs are
+    removed by a later call.
 
     Examples
     --------
@@ -85,10 +85,10 @@ def _remove_stale(folder: Path) -> None:
 
 
 def _rename(hidden: Path, paths: Sequence[Path]) -> None:
-    """Rename files to their places; if that is interrupted, restore what was there.
+    """Rename files to their places, and restore earlier files if that is interrupted.
 
-    A path is listed in `begun` before anything happens to it, and its earlier file has a second name before it is
-    replaced. So at every moment the list and the second names say how to restore.
+    A path is listed in `begun` before it changes, and its earlier file is copied before it is replaced. So the list and
+    the copies show at every moment how to restore.
     """
     earlier = hidden / ".earlier"
     earlier.mkdir()
@@ -98,7 +98,7 @@ def _rename(hidden: Path, paths: Sequence[Path]) -> None:
             if path.is_dir():
                 raise IsADirectoryError(f"{path} must be a file, found a folder")
             if os.path.lexists(path):
-                _keep(path, earlier / path.name)
+                shutil.copy2(path, earlier / path.name, follow_symlinks=False)
             begun.append(path)
             Path(hidden, path.name).replace(path)
     except BaseException:
@@ -110,22 +110,8 @@ def _rename(hidden: Path, paths: Sequence[Path]) -> None:
         raise
 
 
-def _keep(path: Path, place: Path) -> None:
-    """Give a file, or a link as such, a second name."""
-    try:
-        os.link(path, place, follow_symlinks=False)
-    except (OSError, NotImplementedError):  # not every disk has hard links
-        shutil.copy2(path, place, follow_symlinks=False)
-
-
 def refuse_others(texts: Mapping[Path, str | None]) -> None:
-    """Refuse paths that hold something other than a text; for a text not known yet (None), refuse anything.
-
-    Raises
-    ------
-    FileExistsError
-        With the names.
-    """
+    """Refuse paths that hold something other than a text. If a text is not known yet (None), refuse any file."""
     others = [
         path.name or str(path)
         for path, text in texts.items()

@@ -78,7 +78,7 @@ def test_records_reach_the_limits_and_every_mode():
 
 
 @pytest.mark.parametrize("options", [(), ("-std=gnu99", "-O3", "-march=native")])
-def test_c_in_double_precision_is_the_reference_bit_for_bit(tmp_path, options):
+def test_c_in_double_precision_equals_the_reference(tmp_path, options):
     """With the options that the head asks for, a fused multiply-add of the processor changes no bit."""
     assert "-ffp-contract=off" in CASES["zoh"].c()
     found = run_c(tmp_path, "double", options)
@@ -127,7 +127,7 @@ def test_c_compiles_for_arm(tmp_path, precision):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_structured_text_is_the_reference_bit_for_bit(name):
+def test_structured_text_equals_the_reference(name):
     blocks = read(CASES[name].structured_text(name))
     block, found = Instance(blocks, name), []
     for row in zip(*(x.tolist() for x in RECORDS[name].values()), strict=True):
@@ -146,7 +146,7 @@ def test_structured_text_in_single_precision():
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_python_is_the_reference_bit_for_bit(name):
+def test_python_equals_the_reference(name):
     space = {}
     exec(CASES[name].python("level_loop"), space)
     block = space["LevelLoop"]()
@@ -169,7 +169,7 @@ def read_in(body):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_nothing_is_kept_that_the_step_does_not_use(name):
+def test_step_uses_all_its_names(name):
     step = program(CASES[name])
     kept = {*step.constants, *step.gains, *step.inputs, *step.states, *step.variables}
     # the last signal, which a PD controller forgets, and what the step tells
@@ -177,7 +177,7 @@ def test_nothing_is_kept_that_the_step_does_not_use(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_json_has_all_that_the_code_has(name):
+def test_json_has_the_numbers_of_the_code(name):
     k = CASES[name]
     content = json.loads(k.json(note="made for a test"))
     assert content["coefficients"] == k.coefficients
@@ -191,7 +191,7 @@ def test_json_has_all_that_the_code_has(name):
     assert reference(k, {x: np.array(values) for x, values in rows.items()}).tolist() == expected
 
 
-def test_head_says_where_it_comes_from():
+def test_head():
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), STANDARD)
     margins = pidalab.margins(loop)
     about = {"margins": margins, "time_unit": "min", "record": "oven.csv", "date": "2026-05-03 14:00"}
@@ -211,7 +211,7 @@ def test_head_says_where_it_comes_from():
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_sentences_of_our_own_stay_as_they_are(language):
+def test_notes_keep_their_punctuation(language):
     """The filter for text from outside keeps the punctuation of ordinary sentences, and no comment is a riddle."""
     note = "Doubt: 2 gaps; the longest, 4 ± 1, begins at 30 (kp/ki = 0.5). It's 20 % of 3 min [kW]"
     for k in CASES.values():
@@ -224,7 +224,7 @@ def test_sentences_of_our_own_stay_as_they_are(language):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_test_signals_take_the_control_signal_over_its_whole_range(name):
+def test_test_vector_reaches_both_limits(name):
     k = CASES[name]
     inputs = vector(k)
     assert {end for end in k.limits if math.isfinite(end)} <= set(inputs["control"])
@@ -233,7 +233,7 @@ def test_the_test_signals_take_the_control_signal_over_its_whole_range(name):
 
 
 @pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])
-def test_new_gains_come_without_a_bump_and_then_act(method):
+def test_retuning_is_bumpless(method):
     old, new = (HighOrderPID(gains, lag, 2).discretise(0.1, method, tunable=True)
                 for gains, lag in (([0.4, 1.3, 0.3], 0.2), ([2.0, 4.0, 1.0], 0.4)))  # fmt: skip
     space = {}
@@ -268,19 +268,19 @@ def test_new_gains_come_without_a_bump_and_then_act(method):
         (lambda k: k.python(notes=""), TypeError, "notes"),
     ],
 )  # fmt: skip
-def test_what_is_refused(call, error, name):
+def test_refusals(call, error, name):
     with pytest.raises(error, match=name):
         call(PIDA(1.0, 2.0).discretise(0.1, tunable=True))
 
 
-def test_a_feedforward_signal_is_added_before_the_limits_and_leaves_without_a_bump():
+def test_feedforward_is_added_before_the_limits():
     k = PIDA(1.0, 2.0).discretise(0.1, limits=(0.0, 5.0), bias=1.0, feedforward=True)
     k.reset(r=0.0, y=0.0)
     assert [k.step(0.0, 0.0, feedforward=f) for f in (0.0, 2.0, 9.0, 0.0)][:3] == [1.0, 3.0, 5.0]
     assert k.step(0.0, 0.0, manual=4.0, feedforward=2.0) == k.step(0.0, 0.0, feedforward=2.0) == 4.0
 
 
-def test_integral_action_alone_stays_at_its_limit():
+def test_integral_action_stays_at_its_limit():
     k = CASES["only_integral"]
     k.reset()
     up = [k.step(20.0, 0.0) for _ in range(20)]
@@ -288,11 +288,11 @@ def test_integral_action_alone_stays_at_its_limit():
     assert k.step(-1.0, 0.0) == pytest.approx(6.0 - 0.4 * 0.2)
 
 
-def test_numbers_of_structured_text_have_digits_on_both_sides_of_the_point():
+def test_numbers_of_structured_text():
     for text in ("0.5", "-2.0", "1.0E-7", "-1.25E-7", "1.0E22", "3.5E300"):
         assert LANGUAGES["structured_text"].number(float(text)) == text
 
 
-def test_a_class_of_python_is_named_after_the_controller():
+def test_class_of_python_has_the_name_of_the_controller():
     assert "class LevelOfTank:\n" in CASES["zoh"].python("level_of_tank")
     assert "FUNCTION_BLOCK level_of_tank\n" in CASES["zoh"].structured_text("level_of_tank")

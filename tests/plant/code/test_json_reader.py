@@ -22,7 +22,7 @@ FULL = CASES["prefilter_tustin"]
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_every_kind_is_read_back(name):
+def test_round_trip(name):
     written, read = CASES[name], from_json(CASES[name].json(note="a note", record="r.csv", time_unit="s"))
     assert read == written
     written.reset()
@@ -76,7 +76,7 @@ WHERE = [at for at in places(STORED) if at[0] not in ("about", "version", "check
 
 
 @pytest.mark.parametrize("at", WHERE, ids=lambda at: ".".join(map(str, at)))
-def test_any_changed_field_is_refused(at, tmp_path, monkeypatch):
+def test_changed_field_is_refused(at, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     inner = STORED
     for name in at:
@@ -118,7 +118,7 @@ def test_any_changed_field_is_refused(at, tmp_path, monkeypatch):
         (("prefilter",), {"num": [1.0], "den": [-1.0, 1.0], "new": 1.0, "old": 0.0, "move": [[9.0]], "out": [1.0]}),
     ],
 )  # fmt: skip
-def test_a_right_checksum_does_not_help(at, value, tmp_path, monkeypatch):
+def test_changed_field_is_refused_with_a_right_checksum(at, value, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     stored = changed(json.loads(PI.json()), at, value)
     stored["checksum"] = checksum(stored)
@@ -127,7 +127,7 @@ def test_a_right_checksum_does_not_help(at, value, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_name_of_a_path_makes_no_name_in_code():
+def test_name_of_a_path_is_not_in_the_code():
     stored = changed(json.loads(PI.json()), ("paths", 0, "name"), "class")
     stored["checksum"] = checksum(stored)
     assert "class" not in from_json(json.dumps(stored)).c().replace("part 1, class", "")
@@ -176,7 +176,7 @@ def test_numpy_numbers_are_accepted():
 
 @drawn.cases(10)
 @given(st.text(max_size=300))
-def test_the_name_of_a_controller_stays_text(text):
+def test_name_of_a_controller_stays_text(text):
     stored = json.loads(PI.json()) | {"controller": text}
     stored["checksum"] = checksum(stored)
     k = from_json(json.dumps(stored))

@@ -111,7 +111,7 @@ def report():
 
 @drawn.cases(3)
 @given(title=TEXTS, line=TEXTS)
-def test_a_page_has_no_tag_of_others(report, title, line):
+def test_page_has_no_foreign_tag(report, title, line):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "report.html")
         usual = tags(report.html(path, "a", [("Record", "b")]))
@@ -120,9 +120,9 @@ def test_a_page_has_no_tag_of_others(report, title, line):
         assert found == usual
 
 
-def test_the_head_is_the_same_on_every_day_and_says_what_it_is_for():
+def test_head_is_reproducible():
     assert K.c() == K.c()
-    assert "in the time unit of the controller" in K.c()
+    assert "in the time unit of the parameters" in K.c()
     assert "Sample time: 0.5 min\n" in K.c(time_unit="min")
     assert "Record: Ofen 3.csv\n" in K.c(record="Ofen/3.csv")
     assert "and 60 more lines" in K.c(note="x\n" * 100)

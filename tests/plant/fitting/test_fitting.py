@@ -1,4 +1,4 @@
-"""Models fitted to records: the truth within the uncertainty, and refusals where a record cannot tell."""
+"""Models fitted to records: truth within the uncertainty, and refusals if a record is not sufficient."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,6 @@ from pidalab.plant.fitting.searching import (
     FIRST_ORDER,
     INTEGRATOR,
     SECOND_ORDER,
-    FitResult,
     prepared,
     refined,
     search,
@@ -46,7 +45,7 @@ def historian(seed, noise=0.25, count=600):
         ("sopdtz", pidalab.Process([-3.0, 0.5], [60.0, 16.0, 1.0], 2.0)),
     ],
 )
-def test_clean_records_give_their_model_back(model, process):
+def test_clean_records_return_their_model(model, process):
     t = np.arange(0.0, 150.0, 0.5)
     y = 20.0 + 4.0 * np.concatenate([np.zeros(40), pidalab.open_loop_step(process, t[:-40]).y])
     fitted = fit(Record(t, np.where(t < 20.0, 10.0, 14.0), y), model)
@@ -56,7 +55,7 @@ def test_clean_records_give_their_model_back(model, process):
     assert fit(Record(t, np.where(t < 20.0, 10.0, 14.0), y)).model == model
 
 
-def test_historians_record_of_an_unknown_plant():
+def test_historian_record():
     fitted = fit(historian(0))
     assert fitted.parameters["gain"] == pytest.approx(2.3, rel=0.01)
     assert fitted.deviation < 1.2 * fitted.noise
@@ -66,7 +65,7 @@ def test_historians_record_of_an_unknown_plant():
     assert "lag" in str(fitted)
 
 
-def test_the_truth_lies_within_the_uncertainty_as_often_as_it_should():
+def test_truth_lies_within_two_deviations():
     """Gain, lag and dead time of a record made from the model's own kind: 95 % within two deviations, here 60 cases."""
     process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0)
     clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
@@ -79,14 +78,14 @@ def test_the_truth_lies_within_the_uncertainty_as_often_as_it_should():
     assert inside >= 50  # of 60; with uncertainties half as large it would be about 40
 
 
-def test_plants_drawn_from_the_uncertainty_spread_like_it():
+def test_spread_has_the_stated_deviation():
     fitted = fit(historian(1), "fopdt")
     gains = [plant.num[-1] / plant.den[-1] for plant in fitted.spread(200)]
     assert np.std(gains) == pytest.approx(fitted.uncertainty["gain"], rel=0.3)
     assert all(plant.delay >= 0 for plant in fitted.spread(200))
 
 
-def test_plants_drawn_have_a_lag_that_the_record_cannot_show():
+def test_spread_has_a_hidden_lag():
     """Two lags in noise look like one; a dead time that hides the other is a milder plant for a PID than the lag is."""
     process, t = pidalab.Process([1.0], np.polymul([10.0, 1.0], [2.0, 1.0]), 3.0), np.arange(0.0, 100.0)
     clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
@@ -105,7 +104,7 @@ def test_plants_drawn_have_a_lag_that_the_record_cannot_show():
     assert true < hidden
 
 
-def test_plants_to_design_for_have_gains_that_one_record_cannot_show():
+def test_plants_have_other_gains():
     fitted = fit(historian(0))
     first, *plants = fitted.plants()
     ratios = [plant.gain() / drawn.gain() for plant, drawn in zip(plants, fitted.spread(), strict=True)]
@@ -114,7 +113,7 @@ def test_plants_to_design_for_have_gains_that_one_record_cannot_show():
     assert ratios.count(max(ratios)) > 10
 
 
-def test_plants_drawn_know_that_a_record_hides_when_the_input_changed():
+def test_spread_has_the_hidden_part_of_the_dead_time():
     """A step half a sample before the one that shows it: without noise that is all that is uncertain."""
     process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0, 2.0)
     y = np.interp(t - 19.0, GRID, pidalab.open_loop_step(process, GRID).y, left=0.0)
@@ -125,7 +124,7 @@ def test_plants_drawn_know_that_a_record_hides_when_the_input_changed():
     assert max(delays) == pytest.approx(6.0, abs=0.3)
 
 
-def test_a_set_point_change_in_closed_loop_serves_too():
+def test_set_point_change_in_closed_loop():
     process = pidalab.fopdt(2.0, 10.0, 4.0)
     t = np.arange(0.0, 300.0, 0.5)
     run = pidalab.simulate_sampled(
@@ -145,7 +144,7 @@ def test_refusals():
 
 
 @pytest.mark.parametrize("ratio", [2.9, 3.1])
-def test_an_answer_counts_from_three_times_what_is_left_over(ratio):
+def test_answer_must_exceed_three_times_the_residuals(ratio):
     """What is left over changes its sign at each sample, which no model follows."""
     t = np.arange(200.0)
     y = np.where(t < 50, 0.0, -np.expm1(-(t - 50) / 10)) + (-1) ** t / ratio
@@ -153,19 +152,13 @@ def test_an_answer_counts_from_three_times_what_is_left_over(ratio):
     if ratio > 3:
         assert fit(record, "fopdt").deviation == pytest.approx(1 / ratio, rel=0.01)
     else:
-        with pytest.raises(ValueError, match=r"the output answers by 0.99, not clearly above .* \(0\.34"):
+        with pytest.raises(
+            ValueError, match=r"the output answers by 0.99, not clearly above the residuals of 0\.34"
+        ):
             fit(record, "fopdt")
 
 
-def test_plants_drawn_around_an_integrator_without_dead_time_have_a_lag_within_a_sample():
-    t = np.arange(0.0, 60.0, 2.0)
-    y = 0.1 * np.maximum(t - 9.0, 0.0) + np.random.default_rng(0).normal(0.0, 0.05, t.size)
-    fitted = fit(Record(t, np.where(t < 10.0, 0.0, 1.0), y), "ipdt")
-    assert fitted.process.delay == 0.0
-    assert {len(plant.den) - 1 for plant in fitted.spread(9)} == {1, 2}
-
-
-def test_plants_are_drawn_around_the_model_and_a_hidden_lag_in_turn():
+def test_spread_alternates_model_and_hidden_lag():
     """Noise that hides no more than one of the lags that are tried: the shortest."""
     t = np.arange(0.0, 80.0, 0.5)
     y = -2.0 * np.expm1(-np.maximum(t - 14.0, 0.0) / 8.0) + np.random.default_rng(1).normal(
@@ -175,7 +168,7 @@ def test_plants_are_drawn_around_the_model_and_a_hidden_lag_in_turn():
     assert [len(plant.den) - 1 for plant in fitted.spread(6)] == [1, 2, 1, 2, 1, 2]
 
 
-def test_unequal_lags_that_pass_for_equal_ones_are_among_the_plants():
+def test_spread_of_equal_lags_has_unequal_ones():
     """The gain of the true plant where a loop acts lies beyond that of equal lags with whatever further lag."""
     true = pidalab.Process([2.3], np.poly([-1 / 5, -1 / 14, -1 / 33]) * 5 * 14 * 33, 17.7)
     t = np.linspace(0.0, 390.0, 600)
@@ -189,7 +182,7 @@ def test_unequal_lags_that_pass_for_equal_ones_are_among_the_plants():
     assert np.all(np.max(ratios, axis=0) >= actual)
 
 
-def test_a_fit_is_its_own_and_says_what_it_found():
+def test_fit_as_text():
     fitted, other = fit(historian(0), "fopdt"), fit(historian(0), "fopdt")
     assert fitted == fitted
     assert fitted != other
@@ -209,7 +202,7 @@ def test_a_fit_is_its_own_and_says_what_it_found():
     assert fitted.nrmse == pytest.approx(1 - fitted.deviation / np.std(historian(0).y))
 
 
-def test_uncertainty_of_white_residuals_in_closed_form():
+def test_uncertainty_in_closed_form():
     """Variance over the sum of squared sensitivities, times the samples that share an error."""
     fitted = fit(historian(2), "fopdt")
     found = fitted._found
@@ -225,14 +218,8 @@ def test_uncertainty_of_white_residuals_in_closed_form():
     assert list(fitted.uncertainty.values()) == pytest.approx(list(sigma), rel=1e-6)
 
 
-def test_uncertainty_of_an_exact_fit_is_none():
-    data = prepared(historian(0))
-    exact = FitResult(FIRST_ORDER, np.ones(4), np.zeros(9), np.eye(9, 4), True, data)
-    assert not np.any(covariance(exact))
-
-
 @pytest.mark.parametrize("model", ["fopdt", "sopdt", "ipdt"])
-def test_sensitivities_beside_a_finer_difference(model):
+def test_sensitivities_match_finer_differences(model):
     data = prepared(historian(3))
     found = search(data, {"fopdt": FIRST_ORDER, "sopdt": SECOND_ORDER, "ipdt": INTEGRATOR}[model])
     gain, level, *p = found.values.tolist()
@@ -254,20 +241,8 @@ def test_sensitivities_beside_a_finer_difference(model):
     np.testing.assert_allclose(found.residuals, data.y - output(found.values), atol=1e-9)
 
 
-def test_what_a_fit_looks_at_of_a_record():
-    """Changes of the input one by one; the interval in which each was is what the record hides."""
-    t = np.sort(np.random.default_rng(0).uniform(0.0, 100.0, 200))
-    u = np.select([t < 20, t < 50], [1.0, 4.0], 2.5)
-    data = prepared(Record(t, u, np.minimum(t, 80.0)))
-    first, second = int(np.argmax(t >= 20)), int(np.argmax(t >= 50))
-    assert data.change_times.tolist() == [t[first], t[second]]
-    assert data.changes.tolist() == [3.0, -1.5]
-    assert data.unseen == pytest.approx((t[first] - t[first - 1] + t[second] - t[second - 1]) / 2)
-    assert (data.t.size, data.grid) == (200, 0.0)
-
-
 @pytest.mark.parametrize(("changes", "grid"), [(60, 0.0), (61, 0.5)])
-def test_an_input_of_many_changes_is_laid_on_a_grid(changes, grid):
+def test_many_changes_are_put_on_a_grid(changes, grid):
     t = 0.5 * np.arange(300)
     u = np.where(np.arange(300) < 20, 0.0, np.minimum(np.arange(300) - 19.0, changes))
     process = pidalab.fopdt(2.0, 5.0, 1.25)
@@ -278,29 +253,22 @@ def test_an_input_of_many_changes_is_laid_on_a_grid(changes, grid):
     np.testing.assert_allclose(2.0 * data.simulated(FIRST_ORDER, [5.0], 1.25), y, atol=1e-9)
 
 
-def test_a_long_record_is_averaged_over_neighbours():
+def test_prepared_records():
+    """Changes of the input are followed one by one. A long record is averaged."""
+    t = np.sort(np.random.default_rng(0).uniform(0.0, 100.0, 200))
+    data = prepared(Record(t, np.select([t < 20, t < 50], [1.0, 4.0], 2.5), np.minimum(t, 80.0)))
+    first, second = int(np.argmax(t >= 20)), int(np.argmax(t >= 50))
+    assert data.change_times.tolist() == [t[first], t[second]]
+    assert data.changes.tolist() == [3.0, -1.5]
+    assert data.unseen == pytest.approx((t[first] - t[first - 1] + t[second] - t[second - 1]) / 2)
     t = 0.01 * np.arange(8001)
     y = np.minimum(np.maximum(t - 20.0, 0.0), 30.0)
     data = prepared(Record(t, np.where(t < 20, 0.0, 1.0), y))
-    assert data.t.size == data.y.size == 4000
-    assert data.t[0] == pytest.approx(np.mean(t[:3]))
-    assert data.t[-1] == pytest.approx(np.mean(t[-2:]))
+    assert (data.t.size, data.change_times.tolist()) == (4000, [20.0])
     assert np.all(np.abs(data.y - np.interp(data.t, t, y)) < 1e-2)
-    assert data.change_times.tolist() == [20.0]
 
 
-def test_eight_equal_lags_are_the_most():
-    t = np.arange(0.0, 150.0)
-    clean = {order: pidalab.open_loop_step(pidalab.lags(order, 4.0), t[:-20]).y for order in (8, 9)}
-    for order, lag in ((8, 4.0), (9, None)):
-        fitted = fit(Record(t, np.where(t < 20, 0.0, 1.0), np.append(np.zeros(20), clean[order])), "lags")
-        assert len(fitted.process.den) == 9
-        if lag:
-            assert fitted.parameters["lag"] == pytest.approx(lag, rel=1e-6)
-            assert fitted.parameters["delay"] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
+def test_search_is_as_good_as_all_starts():
     """Of the grid one in each third is followed down: here a single lag for six, where not every start ends lowest."""
     t = np.arange(0.0, 150.0, 0.5)
     clean = pidalab.open_loop_step(pidalab.lags(6, 3.0, delay=20.0), t[:-40]).y
@@ -314,23 +282,6 @@ def test_the_starts_that_are_followed_end_as_low_as_all_of_them():
     ]
     assert max(ends) > 1.01 * min(ends)
     assert search(data, FIRST_ORDER).cost == pytest.approx(min(ends), rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("shape", "true"), [(FIRST_ORDER, [1500.0]), (SECOND_ORDER, [1.0, 19.0])], ids=["lag", "damping"]
-)
-def test_a_descent_from_the_truth_stays_there_close_to_the_upper_bounds_too(shape, true):
-    """A lag of 15 records, and a damping of nearly 20: in valleys so flat a start further away ends elsewhere."""
-    t = np.arange(0.0, 120.0, 0.5)
-    y = 30.0 * shape.step(t - 23.0, true)
-    data = prepared(Record(t, np.where(t < 20.0, 0.0, 1.0), y))
-    values = refined(data, shape, [*true, 3.0], 99.5).values
-    np.testing.assert_allclose(values, [30.0, 0.0, *true, 3.0], rtol=1e-6, atol=1e-8)
-
-
-def test_twenty_plants_of_the_same_seed_unless_told():
-    found = fit(historian(0), "fopdt")
-    assert found.spread() == found.spread(20, 0) != found.spread(20, 1)
 
 
 T = np.arange(200.0)
@@ -359,12 +310,12 @@ def rise(at=40.0, gain=2.0, lag=12.0, delay=5.0):
         ),
     ],
 )
-def test_what_tells_nothing_of_the_plant_is_refused(u, y, said):
+def test_uninformative_records_are_refused(u, y, said):
     with pytest.raises(ValueError, match=said):
         fit(Record(T, u, y))
 
 
-def test_a_record_cut_in_the_middle_does_not_settle_the_parameters():
+def test_short_record_does_not_identify_parameters():
     early = T < 75
     record = Record(T[early], U[early], (rise(lag=60.0) + NOISE)[early])
     with pytest.raises(
@@ -374,33 +325,27 @@ def test_a_record_cut_in_the_middle_does_not_settle_the_parameters():
 
 
 @pytest.mark.parametrize(("model", "lag"), [("fopdt", 12.0), ("sopdt", 6.0)])
-def test_a_plant_that_was_still_moving_is_fitted_from_there(model, lag):
+def test_initial_state_is_fitted(model, lag):
     process = pidalab.fopdt(2.0, 12.0, 5.0) if model == "fopdt" else pidalab.lags(2, 6.0, 2.0, 5.0)
     y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
     found = fit(Record(T, U, y - 8 * (1 + T / lag * (model == "sopdt")) * np.exp(-T / lag)), model)
     assert found.parameters["gain"] == pytest.approx(2.0, rel=0.05)
     assert found.parameters["delay"] == pytest.approx(5.0, abs=1.0)
-    assert "the record does not begin at rest: an initial state was fitted, too" in found.doubts
+    assert "the record does not begin at rest: an initial state was fitted as well" in found.doubts
 
 
-def test_a_record_that_begins_with_its_step_gives_its_model():
-    found = fit(Record(T[:100], U[40:140], rise()[40:140] + NOISE[:100], u_before=0.0), "fopdt")
-    assert found.parameters["gain"] == pytest.approx(2.0, rel=0.03)
-    assert found.parameters["lag"] == pytest.approx(12.0, rel=0.1)
-
-
-def test_noise_is_told_from_the_error_of_a_model():
+def test_noise_and_model_error():
     """Two lags in 0.005 of noise, as a single one: what is left over is model error, and is said."""
     process = pidalab.Process([2.0], np.polymul([20.0, 1.0], [8.0, 1.0]))
     y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + 0.1 * NOISE
     single, double = (fit(Record(T, U, y), model) for model in ("fopdt", "sopdt"))
     assert single.noise == pytest.approx(0.005, rel=0.3)
     assert single.model_error > 2 * single.noise > 4 * double.model_error
-    assert any("beyond the noise" in doubt for doubt in single.doubts)
+    assert any("the model error is" in doubt for doubt in single.doubts)
     assert double.doubts == ()
 
 
-def test_what_was_not_fitted_is_predicted():
+def test_holdout():
     u = U - 2 * (T >= 80) + (T >= 120)
     y = rise() - 2 * rise(80.0) + rise(120.0) + NOISE
     assert fit(Record(T, u, y), "fopdt").holdout > 0.85
@@ -411,7 +356,7 @@ def test_what_was_not_fitted_is_predicted():
     assert fit(Record(T, u, y + 0.5 * rise(120.0)), "fopdt").holdout < 0.8
 
 
-def test_plants_are_about_as_likely_as_the_model():
+def test_spread_is_about_as_likely_as_the_model():
     """Tau, damping and dead time of slow and fast lags go together; none is drawn without the others."""
     process = pidalab.Process([2.0], np.polymul([40.0, 1.0], [3.0, 1.0]))
     y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
@@ -423,7 +368,7 @@ def test_plants_are_about_as_likely_as_the_model():
     assert max(squares) < 1.35 * squares[0]
 
 
-def test_a_plot_of_a_fit_has_its_residuals_in_a_band_of_twice_the_noise():
+def test_plot_has_a_band_of_twice_the_noise():
     found = fit(historian(1))
     ax = Figure().subplots()
     found.plot(ax)
@@ -433,21 +378,8 @@ def test_a_plot_of_a_fit_has_its_residuals_in_a_band_of_twice_the_noise():
     assert (band.y0, band.y1) == pytest.approx((below[0] - 2 * found.noise, below[0] + 2 * found.noise))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_model_that_explains_less_than_half_of_the_variance_is_none(seed):
-    """A wheel whose speed is told by differences of a coarse encoder: alternating jumps, which no noise is."""
-    t = 0.1 * np.arange(200.0)
-    rng = np.random.default_rng(seed)
-    u = np.repeat(rng.uniform(-500, 800, 50), 4)
-    y = np.interp(t - 0.05, t, u) + 900.0 * (-1.0) ** np.arange(t.size) * rng.choice([1.0, 1.0, -1.0], t.size)
-    with pytest.raises(
-        ValueError, match=r"explains \d+ % of the variance.*NRMSE 0\.\d\d.*|does not settle|not clearly"
-    ):
-        fit(Record(t, u, y))
-
-
 @pytest.mark.parametrize("seed", range(3))
-def test_an_answer_that_is_clear_and_short_explains_too_little(seed):
+def test_short_answer_explains_too_little(seed):
     """A pulse of a thirtieth of the record, answered by 4.5 times the noise: NRMSE 0.2, as of a log that misled."""
     t = np.arange(400.0)
     u = np.where((t >= 100) & (t < 112), 1.0, 0.0)
@@ -459,7 +391,7 @@ def test_an_answer_that_is_clear_and_short_explains_too_little(seed):
         fit(Record(t, u, y), "fopdt")
 
 
-def test_the_share_that_is_explained_is_that_of_the_variance():
+def test_explained_share_is_of_the_variance():
     """By noise of known size: half of the variance is the limit, whatever the kind of experiment."""
     t = np.arange(2000.0)
     u = np.where((t // 100) % 2 == 0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The command line: from a plant record to controller code, rules and loops on a plant, a board on the desk."""
+"""The command line: from a plant record to controller code, and what a controller does to a plant."""
 
 from __future__ import annotations
 
@@ -19,20 +19,19 @@ def main() -> None:
 
     \b
     From a record, a delimited text file with an open-loop step:
-      pidalab report step.csv --sample-time 0.2                PI, PID and PIDA side by side
-      pidalab tune step.csv --sample-time 0.2 --out folder     one of them, as code
-      pidalab check log.csv --kp 0.6 --ti 12                   whether the gains that run are right
-    For a plant that you know:
-      pidalab compare --num 1 --den 1,3,3,1 --delay 1          every rule on it
-      pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  one loop
+      pidalab report step.csv --sample-time 0.2                compare PI, PID and PIDA
+      pidalab tune step.csv --sample-time 0.2 --out folder     tune one of them and write its code
+      pidalab check log.csv --kp 0.6 --ti 12                   judge the gains that run
+    For a known plant:
+      pidalab compare --num 1 --den 1,3,3,1 --delay 1          apply every rule to it
+      pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  simulate one loop
     Without a plant:
-      pidalab rules                                            the rules by name
+      pidalab rules                                            list the rules by name
       pidalab rule --ku 250 --tu 7200                          gains from ultimate gain and period
-      pidalab benchmark rule.py:tune --out folder              a rule of yours on 134 plants
-      pidalab tclab                                            a board on the desk, simulated
+      pidalab benchmark rule.py:tune --out folder              rank a rule of yours on 134 plants
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a console that lacks a character shows another one for it
+        if isinstance(stream, io.TextIOWrapper):  # for consoles that lack a character
             stream.reconfigure(errors="replace")
 
 

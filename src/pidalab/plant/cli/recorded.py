@@ -1,4 +1,4 @@
-"""Commands that start from a record of a plant: three candidates, one with its code, or gains that already run."""
+"""Commands that start from a record of a plant: compare three controllers, tune one, check the gains that run."""
 
 from __future__ import annotations
 
@@ -9,21 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pidalab._text import KINDS, plain_text
-from pidalab.plant.cli.dialogue import (
-    Place,
-    add_options,
-    column,
-    force,
-    limits,
-    ms,
-    ms_worst,
-    one_line,
-    out,
-    progress,
-    show,
-    times,
-    write,
-)
+from pidalab.plant.cli import dialogue
 from pidalab.plant.doubts import doubt
 
 if TYPE_CHECKING:
@@ -35,7 +21,8 @@ if TYPE_CHECKING:
 
 MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
-WEIGHT = click.FloatRange(0.0, 1.0)  # of a set point: beyond 1 it would be another one
+FIRMWARE_WORDS = ("klipper", "betaflight", "betaflight-yaw")
+WEIGHT = click.FloatRange(0.0, 1.0)
 ABOVE = click.FloatRange(0.0, min_open=True)
 READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers", "run")
 TUNING = ("rule", "ms", "ms_worst", "noise_gain", "spread", "sample_time")
@@ -46,43 +33,39 @@ CODE = {
     "controller.json": "json",
 }
 START = """\
-1. Units: u, y and time of the record are those of your controller, and its sample time is {sample_time:g}.
-2. Direction: by hand, move u {way} a little; y must rise.
-3. First step: a small step of the set point, ready to switch to manual. Expect {overshoot:.2g} % of overshoot, and more
-   than {twice:.2g} % only if the plant has changed since the record."""
+1. Units: your controller must use the units of u, y and time of the record, and the sample time {sample_time:g}.
+2. Direction: in manual mode, move u {way} a little. y must rise.
+3. First step: make a small step of the set point, ready to switch to manual. Expect {overshoot:.2g} % of overshoot.
+   More than {twice:.2g} % means that the plant has changed since the record."""
 
-record = add_options(
-    click.argument("record", type=click.Path(exists=True, dir_okay=False, path_type=Path)),
-    click.option("--time", default="0", callback=column, help="Its name, or its number from 0."),
-    click.option("--u", default="1", callback=column, help="Column of the plant's input."),
-    click.option("--y", default="2", callback=column, help="Column of the measured output."),
-    click.option("--period", type=float, help="Time from sample to sample, for a file without times."),
-    click.option("--delimiter", help="Between the columns, such as ';' or '\\s+'; by default found out."),
+record = dialogue.add_options(
+    click.argument("record", type=dialogue.EXISTING),
+    dialogue.columns,
+    click.option("--period", type=float, help="Time between samples, for a file without times."),
+    click.option("--delimiter", help="Between the columns, such as ';' or '\\s+'; default: found out."),
     click.option("--skip", default=0, help="Lines to leave out at the beginning."),
     click.option("--step", type=float, help="Time of the step that matters, if there are several."),
     click.option("--u-before", type=float, help="Input before the record, if that begins with its step."),
-    click.option("--outliers", type=click.Choice(["drop", "keep"]), help="What becomes of wild outputs."),
+    click.option("--outliers", type=click.Choice(["drop", "keep"]), help="What to do with wild outputs."),
     click.option("--run", type=int, help="Which of several runs, from 1, where the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
-design = add_options(
-    click.option("--rule", default="optimal", help="The optimum, or a rule of 'pidalab rules' by its name."),
-    ms,
-    ms_worst,
-    click.option(
-        "--noise-gain", type=float, help="Largest gain from noise to u; by default from the record."
-    ),
-    click.option("--spread", type=float, help="Share of doubt in the model; by default from the record."),
+design = dialogue.add_options(
+    click.option("--rule", default="optimal", help="The optimum, or a rule of 'pidalab rules' by name."),
+    dialogue.ms,
+    dialogue.ms_worst,
+    click.option("--noise-gain", type=float, help="Largest noise gain; default: from the record."),
+    click.option("--spread", type=float, help="Relative error of the model; default: from the record."),
     click.option("--sample-time", type=float, required=True, help="Of the controller, in the record's time."),
 )
-code = add_options(
-    limits,
-    click.option("--b", type=WEIGHT, help="Weight of the set point in P; 0.5, or 1 if it is shaped already."),
-    click.option("--c", type=WEIGHT, help="Weight of the set point in D and A; 0, or 1 as for --b."),
+code = dialogue.add_options(
+    dialogue.limits,
+    click.option("--b", type=WEIGHT, help="Set-point weight of P; default: 0.5, or 1 with a prefilter."),
+    click.option("--c", type=WEIGHT, help="Set-point weight of D and A; default: 0, or 1 with a prefilter."),
     click.option("--rate-limit", type=ABOVE, default=math.inf, help="Largest change of u in a unit of time."),
     click.option("--deadband", type=click.FloatRange(0.0), default=0.0, help="Error in y that is ignored."),
     click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="What a limit does to I."),
-    click.option("--feedforward", is_flag=True, help="Code with an input that is added to the signal."),
+    click.option("--feedforward", is_flag=True, help="Code with an input that is added to u."),
     click.option("--float", "single", is_flag=True, help="C code in single precision."),
     click.option("--tunable", is_flag=True, help="Code with gains that may change while it runs."),
 )
@@ -91,12 +74,14 @@ code = add_options(
 @click.command("report")
 @record
 @design
-@click.option("--trade-off", is_flag=True, help="Also the least error over the noise, at two limits of Ms.")
-@click.option("--out", type=Place(dir_okay=False), help="HTML file to write.")
-@force
-@one_line
+@click.option(
+    "--trade-off", is_flag=True, help="Also the least error for each noise gain, at two limits of Ms."
+)
+@click.option("--out", type=dialogue.OUT_FILE, help="HTML file to write.")
+@dialogue.force
+@dialogue.one_line
 def report_command(out: Path | None, force: bool, trade_off: bool, **options: Any) -> None:
-    """Set PI, PID and PIDA for the plant of a RECORD side by side, with the same limits.
+    """Tune a PI, a PID and a PIDA for the plant of a RECORD with the same limits, and compare them.
 
     \b
     Example:
@@ -104,20 +89,20 @@ def report_command(out: Path | None, force: bool, trade_off: bool, **options: An
     """
     from pidalab.plant.reporting import report
 
-    read, fitted = fitted_record(options)
-    with progress("searching for a PI, a PID and a PIDA"):
-        found = report(fitted, **{name: options[name] for name in TUNING})
-    sections, traded = [("Candidates", str(found)), ("Model", str(fitted)), ("Record", str(read))], None
+    fitted = fit_record(options)
+    with dialogue.progress("searching for a PI, a PID and a PIDA"):
+        candidates = report(fitted, **{name: options[name] for name in TUNING})
+    sections, traded = [("Candidates", str(candidates))], None
     if trade_off:
         from pidalab.plant.noise_curves import trade_off as find_trade_off
 
-        with progress("searching for the trade-off"):
-            traded = find_trade_off(found.process)
-        sections.insert(1, ("Trade-off", str(traded)))
-    show(sections)
+        with dialogue.progress("searching for the trade-off"):
+            traded = find_trade_off(candidates.process)
+        sections.append(("Trade-off", str(traded)))
+    dialogue.show([*sections, ("Model", str(fitted)), ("Record", str(fitted.record))])
     if out is not None:
         title = f"PI, PID and PIDA for {plain_text(options['record'].name)}"
-        write(out.parent, {out.name: found.page(title, traded=traded)}, force)
+        dialogue.write(out.parent, {out.name: candidates.page(title, traded=traded)}, force)
 
 
 @click.command("tune")
@@ -125,14 +110,14 @@ def report_command(out: Path | None, force: bool, trade_off: bool, **options: An
 @click.option("--kind", default="PIDA", type=click.Choice(KINDS))
 @design
 @code
-@click.option("--full-output", type=float, help="u at full power: prints the gains of firmware, too.")
-@out
-@one_line
+@click.option("--full-output", type=float, help="u at full power: also prints the gains of firmware.")
+@dialogue.out
+@dialogue.one_line
 def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
-    """Tune a controller from a plant RECORD, a text file with an input that moves: a step, best from rest.
+    """Tune a controller from a plant RECORD, a text file in which the input moves: a step, best from rest.
 
-    Prints whether it is safe, the gains, what to check before the start, doubts and the model. With --out also writes
-    controller.c, controller.st, controller.py, controller.json and report.html.
+    Prints whether the loop is safe, the gains, what to check before the start, the doubts and the model. With --out
+    also writes controller.c, controller.st, controller.py, controller.json and report.html.
 
     \b
     Example:
@@ -143,53 +128,56 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     from pidalab.plant.reporting import MEASURES, report
     from pidalab.robustness.margins import margins
 
-    full_output, h = options["full_output"], options["sample_time"]
+    full_output, h, low, high = (options[x] for x in ("full_output", "sample_time", "u_min", "u_max"))
     if full_output is not None and not _check.real("--full-output", full_output):
         raise ValueError("--full-output must not be 0: it is u at full power")
-    read, fitted = fitted_record(options)
-    with progress(f"searching for a {kind}"):
-        found = report(fitted, kinds=kind, **{name: options[name] for name in TUNING})
-    row = found.rows[0]
+    fitted = fit_record(options)
+    record = fitted.record
+    with dialogue.progress(f"searching for a {kind}"):
+        candidates = report(fitted, kinds=kind, **{name: options[name] for name in TUNING})
+    row = candidates.rows[0]
     assert row.design is not None
-    digital = _digital(row.design, read, options)
+    digital = _digital(row.design, record, options)
     sampled = margins(Loop(fitted.process, digital))
     measured = [
         f"{name}: {value:.4g}" + f" ({meaning})" * (name != "worst Ms")
         for x, (name, meaning) in MEASURES.items()
         if not math.isnan(value := getattr(row, x))
     ]
-    start = START.format(
-        sample_time=h,
-        way="up" if fitted.parameters["gain"] > 0 else "down",
-        overshoot=row.overshoot,
-        twice=2 * max(row.overshoot, 5.0),
-    )
-    doubts = [*row.design.doubts, *_no_limits(options["u_min"], options["u_max"])]
+    way = "up" if fitted.parameters["gain"] > 0 else "down"
+    start = START.format(sample_time=h, way=way, overshoot=row.overshoot, twice=2 * max(row.overshoot, 5.0))
+    units = [
+        f"u from {low:g} to {high:g}; at rest in the record u = {digital.bias:.6g} and y = {record.rest:.6g}",
+        f"sample time {h:g}; every time in {record.time_unit or 'the unit of the record'}, which is sampled every "
+        f"{record.sampling:.4g}",
+        *row.design.info["notes"],
+    ]
+    doubts = [*candidates.doubts, *missing_limits(low, high)]
     sections = [
-        ("Safe?", found.safety),
-        ("Gains", f"{row.design.controller}\n{_vendors(row.design, full_output)}"),
-        ("Limits and units", _limits(read, digital, h, options, row.design.info["notes"])),
+        ("Safe?", candidates.safety),
+        ("Gains", f"{row.design.controller}\n{_vendors(row.design, record.time_unit, full_output)}"),
+        ("Limits and units", "\n".join(units)),
         ("Before the start", start),
-        ("Doubts", "\n".join([*read.doubts, *fitted.doubts, *doubts]) or "none found"),
+        ("Doubts", "\n".join(doubts) or "none found"),
     ]
     folded = [
         ("Expected", "\n".join(measured)),
         ("Margins, continuous", str(margins(row.design.loop(fitted.process)))),
         (f"Margins, sampled every {h:g}", str(sampled)),
         ("Model", f"{fitted.process!r}\n{fitted.described()}"),
-        ("Record", read.described()),
+        ("Record", record.described()),
     ]
-    show(sections + folded)
+    dialogue.show(sections + folded)
     if out is None:
         return
-    called = options["record"].name
-    note = "\n".join(f"Doubt: {said}" for said in (*read.doubts, *fitted.doubts, *doubts))
-    head = {"record": called, "time_unit": "unit of the record", "margins": sampled, "note": note}
-    texts = {name: getattr(digital, language)(**head) for name, language in CODE.items()}
+    name = options["record"].name
+    head = {"record": name, "time_unit": record.time_unit, "date": record.date, "margins": sampled}
+    head["note"] = "\n".join(f"Doubt: {said}" for said in doubts)
+    texts = {file: getattr(digital, language)(**head) for file, language in CODE.items()}
     if options["single"]:
         texts["controller.c"] = digital.c(precision="single", **head)
-    title = f"{kind} controller for {plain_text(called)}"
-    write(out, texts | {"report.html": found.page(title, sections, folded)}, force)
+    title = f"{kind} controller for {plain_text(name)}"
+    dialogue.write(out, texts | {"report.html": candidates.page(title, sections, folded)}, force)
 
 
 @click.command("check")
@@ -198,32 +186,21 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     "--kp", type=float, required=True, help="Gain, in units of u per unit of y; or P of a firmware."
 )
 @click.option("--ti", type=float, help="Integral time, in the log's unit of time.")
-@times
-@click.option(
-    "--firmware",
-    type=click.Choice(("klipper", "betaflight", "betaflight-yaw")),
-    help="The gains are its numbers --kp, --ki, --kd, in place of times; the log is in seconds.",
-)
+@dialogue.times
+@click.option("--firmware", type=click.Choice(FIRMWARE_WORDS), help="Read --kp, --ki, --kd as its numbers.")
 @click.option("--ki", type=float, help="I of that firmware.")
 @click.option("--kd", default=0.0, help="D of that firmware.")
 @click.option("--full-output", default=1.0, help="u of the log at full power of that firmware.")
 @click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
-@click.option("--sample-time", type=float, help="Of the controller; by default that of the log.")
-@limits
-@ms_worst
-@one_line
-def check_command(
-    lag: float,
-    sample_time: float | None,
-    ms_worst: float,
-    firmware: str | None,
-    full_output: float,
-    **options: Any,
-) -> None:
+@click.option("--sample-time", type=float, help="Of the controller; default: that of the log.")
+@dialogue.limits
+@dialogue.ms_worst
+@dialogue.one_line
+def check_command(lag: float, firmware: str | None, full_output: float, **options: Any) -> None:
     """Judge the gains of a running loop by a log of it, the RECORD.
 
     Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
-    interval, what the gains miss, and three sets to try.
+    interval, how far the gains are from the best, and three sets to try. With --firmware the log is in seconds.
 
     \b
     Examples:
@@ -239,119 +216,99 @@ def check_command(
 
         lags = control.TransferFunction([1.0], [lag, 1.0])
     running = _running(firmware, full_output, options)
-    read = read_record(options)
-    with progress("fitting the plant and searching for three sets of gains"):
-        asked = {"sample_time": sample_time, "ms_worst": ms_worst, "model": options["model"]}
-        found = check(read, running, output_filter=lags, **asked)
-        said = str(found)
-    sections = [
-        ("Gains", said),
-        ("Model", f"{found.fit.process!r}\n{found.fit.described()}"),
-        ("Log", read.described()),
-    ]
+    log = read_record(options)
+    with dialogue.progress("fitting the plant and searching for three sets of gains"):
+        asked = {name: options[name] for name in ("sample_time", "ms_worst", "model")}
+        judged = check(log, running, output_filter=lags, **asked)
+        sections = [("Gains", str(judged))]
     if firmware is not None:
-        sections.insert(
-            1, (f"The sets as {firmware} writes them", _as_firmware(found, firmware, full_output))
-        )
-    show(sections)
+        sets = _as_firmware(judged, firmware, full_output)
+        sections.append((f"The sets as {firmware} writes them", sets))
+    model = f"{judged.fit.process!r}\n{judged.fit.described()}"
+    dialogue.show([*sections, ("Model", model), ("Log", log.described())])
 
 
-def fitted_record(options: dict[str, Any]) -> tuple[Record, Fit]:
+def fit_record(options: dict[str, Any]) -> Fit:
     """Read and fit the record that the options describe."""
     from pidalab.plant.fitting import fit
 
-    read = read_record(options)
-    with progress("fitting the plant"):
-        return read, fit(read, options["model"])
+    record = read_record(options)
+    with dialogue.progress("fitting the plant"):
+        return fit(record, options["model"])
 
 
 def read_record(options: dict[str, Any]) -> Record:
     """Read the record that the options describe, and compare it with the limits of u."""
     from pidalab.plant.record import Record
 
-    with progress("reading"):
-        read = Record.read_csv(options["record"], **{name: options[name] for name in READING})
+    with dialogue.progress("reading"):
+        record = Record.read_csv(options["record"], **{name: options[name] for name in READING})
     low, high = options.get("u_min", -math.inf), options.get("u_max", math.inf)
-    least, most = min(read.u.min(), read.u_before), max(read.u.max(), read.u_before)
+    least, most = min(record.u.min(), record.u_before), max(record.u.max(), record.u_before)
     if not low <= least <= most <= high:
         raise ValueError(
             f"--u-min and --u-max must contain u of the record, which runs from {least:.6g} to {most:.6g}, found "
             f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it behind "
             "the limits of the actuator"
         )
-    return read
+    return record
 
 
-def _digital(design: Design, read: Record, options: dict[str, Any]) -> Any:
-    """Return the controller as code runs it, around the working point of the record."""
-    # a prefilter shapes the set point already, and automatic reset is written as such with both weights 1
+def _digital(design: Design, record: Record, options: dict[str, Any]) -> Any:
+    """Return the digital controller, with the working point of the record."""
+    # a prefilter shapes the set point already; automatic reset needs both weights at 1
     shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
+    weights = {"b": 1.0 if shaped else 0.5, "c": 1.0 if shaped else 0.0}
     further = {name: options[name] for name in ("rate_limit", "deadband", "feedforward", "tunable")}
-    for name, usual in (("b", 1.0 if shaped else 0.5), ("c", 1.0 if shaped else 0.0)):
-        further[name] = usual if options[name] is None else options[name]
-    if options["anti_windup"] is not None:
-        further["anti_windup"] = options["anti_windup"]
-    rest = float(read.steps[0].before) if read.steps else read.u_before
+    given = {name: options[name] for name in ("b", "c", "anti_windup") if options[name] is not None}
     return design.discretise(
         options["sample_time"],
         "backward",
         limits=(options["u_min"], options["u_max"]),
-        bias=rest,
-        y_offset=read.rest,
-        **further,
+        bias=float(record.steps[0].before) if record.steps else record.u_before,
+        y_offset=record.rest,
+        **(further | weights | given),
     )
 
 
-def _limits(read: Record, digital: Any, h: float, options: dict[str, Any], notes: tuple[str, ...]) -> str:
-    return "\n".join(
-        [
-            f"u from {options['u_min']:g} to {options['u_max']:g}; {digital.bias:.6g} at y = {read.rest:.6g}, the rest "
-            "of the record",
-            f"sample time {h:g}; every time in the unit of the record, which is sampled every {read.sampling:.4g}",
-            *notes,
-        ]
-    )
-
-
-def _no_limits(low: float, high: float) -> list[str]:
-    """Say which limits of u are missing."""
+def missing_limits(low: float, high: float) -> list[str]:
+    """Return a doubt that names the limits of u that were not given."""
     lacking = [name for name, limit in (("--u-min", low), ("--u-max", high)) if math.isinf(limit)]
     return [doubt("no limits", options=" and ".join(lacking))] if lacking else []
 
 
-def _vendors(design: Design, full_output: float | None) -> str:
+def _vendors(design: Design, time_unit: str, full_output: float | None) -> str:
     """Return the parameters of vendor blocks, or why there are none."""
     try:
-        forms = design.vendor_forms("s", full_output)
+        forms = design.vendor_forms(time_unit or "s", full_output)
     except ValueError as refusal:
         return f"no vendor block: {refusal}"
-    return f"as vendor blocks, if the record's unit of time is the second:\n{forms}"
+    assumed = "" if time_unit else ", if the record's unit of time is the second"
+    return f"as vendor blocks{assumed}:\n{forms}"
 
 
 def _running(firmware: str | None, full_output: float, options: dict[str, Any]) -> PIDA:
-    """Return the controller that runs, of times or of the numbers of a firmware."""
+    """Return the controller that runs, from its times or from the numbers of a firmware."""
     from pidalab.controllers import PIDA
 
-    kp, ti, ki, kd = (options.pop(name) for name in ("kp", "ti", "ki", "kd"))
-    own = {name: options.pop(name) for name in ("td", "ta", "n", "m")}
+    kp, ti, ki, kd = (options[name] for name in ("kp", "ti", "ki", "kd"))
+    times = {name: options[name] for name in ("td", "ta", "n", "m")}
     if firmware is None and ti is not None and ki is None and not kd:
-        return PIDA(kp, ti, **own)
-    if firmware is not None and ki is not None and ti is None and not own["td"] and not own["ta"]:
+        return PIDA(kp, ti, **times)
+    if firmware is not None and ki is not None and ti is None and not times["td"] and not times["ta"]:
         return PIDA.from_firmware(firmware, kp, ki, kd, full_output)
     raise click.UsageError(
         "give --kp, --ti and perhaps --td and --ta, or --firmware with --kp, --ki and perhaps --kd"
     )
 
 
-def _as_firmware(found: Check, firmware: str, full_output: float) -> str:
-    """Return the sets to try as the three numbers of a firmware, which has no acceleration."""
+def _as_firmware(judged: Check, firmware: str, full_output: float) -> str:
+    """Return the sets without acceleration as the three numbers of a firmware."""
     from pidalab.plant.vendor import firmware_form
 
     lines = []
-    for row in found.rows:
+    for row in judged.rows:
         if row.design is not None and not row.design.controller.gains().ka:
             form = firmware_form(row.design.controller.gains(), firmware, full_output)
-            lines.append(
-                f"{row.rule:14} {', '.join(f'{name} = {value:.4g}' for name, value in form.items())}"
-            )
+            lines.append(f"{row.rule:14} {', '.join(f'{key} = {x:.4g}' for key, x in form.items())}")
     return "\n".join(lines)

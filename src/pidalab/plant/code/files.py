@@ -1,6 +1,6 @@
 """Write a digital controller as C, structured text, Python and JSON: head, step, self-test.
 
-`LANGUAGES` holds how each language prints a statement; the folder ``templates`` holds the text around the step.
+`LANGUAGES` defines how each language prints a statement. The folder ``templates`` holds the text around the step.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
 from pidalab.plant.code.words import identifier
 
 STEPS = 30  # samples of the test vector within the working range
-FAR = 5  # further samples with the measurement far above the set point, and then far below
-DOUBLINGS = 24  # of the distance of these from the set point, at most
+FAR = 5  # further samples with the measurement far above the set point, then far below
+DOUBLINGS = 24  # largest number of doublings of this distance
 INVALID = (12, 15)  # samples with an invalid measurement, in manual mode and not
 INVALID_MEASUREMENT = 1e30  # single precision can hold it, too
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # characters of a line
@@ -46,7 +46,7 @@ RETUNED = (
 
 
 def _number_of_structured_text(value: float) -> str:
-    """Write a number with digits on both sides of the point, which the standard asks for."""
+    """Write a number with digits on both sides of the point, as the standard requires."""
     mantissa, _, exponent = repr(value).upper().partition("E")
     if not exponent or isinstance(value, bool):
         return repr(value).upper()
@@ -80,25 +80,21 @@ def head(
     record: str = "",
     date: str = "",
 ) -> list[str]:
-    """Return lines that say where the code comes from; text from outside is filtered."""
-    given = {"note": note, "time_unit": time_unit, "record": record, "date": date}
-    for name, text in given.items():
+    """Return the lines at the head of the code. Text from outside is filtered."""
+    for name, text in {"note": note, "time_unit": time_unit, "record": record, "date": date}.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, found {type(text).__name__}")
-    unit = (
-        f" {plain_text(time_unit, 20)}" if time_unit else ", in the time unit of the controller's parameters"
-    )
-    origin = [plain_text(record) or "not named", *([f"recorded {comment_text(date, 40)}"] if date else [])]
-    low, high = (f"{x!r}" if math.isfinite(x) else "none" for x in k.limits)
+    unit = f" {plain_text(time_unit, 20)}" if time_unit else ", in the time unit of the parameters"
+    recorded = f", recorded {comment_text(date, 40)}" if date else ""
+    low, high, rate = (f"{x!r}" if math.isfinite(x) else "none" for x in (*k.limits, k.rate_limit))
     lines = [
         f"Digital controller, written by pidalab {plain_text(__version__)}.",
-        f"Record: {', '.join(origin)}",
+        f"Record: {plain_text(record) or 'not named'}{recorded}",
         f"Controller: {comment_text(k.source, LONGEST_NOTE) or 'not named'}",
         f"Sample time: {k.sample_time!r}{unit}",
         f"Method: {k.method}, anti-windup: {k.anti_windup or 'none'}",
         f"Set-point weights: b = {k.weights[0]!r}, c = {k.weights[1]!r}",
-        f"Lower limit: {low}, upper limit: {high}, rate limit: "
-        f"{repr(k.rate_limit) if math.isfinite(k.rate_limit) else 'none'}, deadband: {k.deadband!r}",
+        f"Lower limit: {low}, upper limit: {high}, rate limit: {rate}, deadband: {k.deadband!r}",
         f"Working point: u = {k.bias!r}, y = {k.y_offset!r}",
     ]
     if k.prefilter is not None:
@@ -107,13 +103,12 @@ def head(
     notes = note.splitlines()
     lines += [comment_text(line, LONGEST_NOTE) for line in notes[:MOST_NOTES]]
     lines += [f"and {len(notes) - MOST_NOTES} more lines"] if len(notes) > MOST_NOTES else []
-    return [
-        part for line in lines if line for part in textwrap.wrap(line, HEAD_WIDTH, subsequent_indent="  ")
-    ]
+    wrapped = (textwrap.wrap(line, HEAD_WIDTH, subsequent_indent="  ") for line in lines if line)
+    return [part for parts in wrapped for part in parts]
 
 
 def _margins(margins: Any) -> str:
-    """Return a line with the margins, made of their numbers alone."""
+    """Return a line with the numbers of the margins."""
     try:
         ms, gain, phase, delay = (float(getattr(margins, name)) for name in ("ms", "gm", "pm", "dm"))
     except (AttributeError, TypeError, ValueError):
@@ -126,8 +121,8 @@ def _margins(margins: Any) -> str:
 def vector(k: Parameters) -> Vector:
     """Return test inputs and the expected control signals.
 
-    The inputs are a set-point step, a stretch in manual mode, a tracked signal, a disturbance and two invalid
-    measurements. At the end the measurement goes to either side, until the control signal reaches both its limits.
+    The inputs are a set-point step, samples in manual mode, a tracked signal, a disturbance and two invalid
+    measurements. At the end the measurement moves far to both sides, until the control signal reaches both limits.
     """
     low, high = k.limits
     span = high - low if math.isfinite(high - low) else 2.0
@@ -154,30 +149,30 @@ def vector(k: Parameters) -> Vector:
 
 def signals(k: Parameters, inputs: Sequence[Sequence[Any]]) -> list[float]:
     """Return the control signals of a new controller, for a row of each input."""
-    own = program(k)
-    states, step = SimpleNamespace(**own.states), function(own)
+    code = program(k)
+    states, step = SimpleNamespace(**code.states), function(code)
     return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 
 def written(k: Parameters, language: str, name: str, *, precision: str = "double", **about: Any) -> str:
-    """Write the code in one of the languages; `name` is the prefix in C, or names the block or class."""
+    """Write the code in one of the languages. `name` is the prefix in C, else the name of the block or class."""
     import jinja2
 
     _check.choice("precision", precision, PRECISIONS)
-    own = program(k)
-    taken = {*own.constants, *own.gains, *INPUTS, *MORE, *own.states, *own.variables, "TEST", "control"}
+    code = program(k)
+    taken = {*code.constants, *code.gains, *INPUTS, *MORE, *code.states, *code.variables, "TEST", "control"}
     name, has = identifier(name, taken), LANGUAGES[language]
     loader = jinja2.PackageLoader("pidalab.plant.code")
     environment = jinja2.Environment(loader=loader, trim_blocks=True, keep_trailing_newline=True)
     environment.filters |= {"number": has.number, "rows": _rows}
-    further = [FEEDFORWARD] * ("feedforward" in own.inputs) + [*RETUNED] * bool(own.gains)
-    step = method(own, "    ") if language == "python" else statements(own, has, name, "    ")
+    further = [FEEDFORWARD] * ("feedforward" in code.inputs) + [*RETUNED] * bool(code.gains)
+    step = method(code, "    ") if language == "python" else statements(code, has, name, "    ")
     text = environment.get_template(f"{language}.j2").render(
-        program=own,
+        program=code,
         head=head(k, **about),
         usage=USAGE,
         further=further,
-        usual=[(x, value) for x, value in own.states.items() if x not in own.gains],
+        usual=[(x, value) for x, value in code.states.items() if x not in code.gains],
         outputs=OUTPUTS,
         vector=vector(k),
         name=name,
@@ -216,16 +211,7 @@ def content(k: Parameters) -> dict[str, Any]:
         "largest_signal": LARGEST_SIGNAL,
         "feedforward": k.feedforward,
         "tunable": k.tunable,
-        "paths": [
-            {
-                "name": p.name,
-                "weight": p.weight,
-                "new": list(p.new),
-                "old": list(p.old),
-                "gains": list(p.gains),
-            }
-            for p in k.paths
-        ],
+        "paths": [_lists(path._asdict()) for path in k.paths],
         "prefilter": None if k.prefilter is None else _lists(k.prefilter._asdict()),
         "integral": {
             "acts": k.integrates,
@@ -250,7 +236,7 @@ def _lists(value: Any) -> Any:
 def checksum(stored: dict[str, Any]) -> str:
     """Return a checksum over the fields of a JSON, independent of their order and of the format of numbers.
 
-    It is not secret. It finds changes by hand or by accident in fields that the test vector does not cover.
+    It is not secret. It finds accidental changes in fields that the test vector does not cover.
     """
     text = json.dumps(_plain(stored), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
@@ -262,8 +248,5 @@ def _plain(value: Any) -> Any:
         return {name: _plain(x) for name, x in value.items() if name != "checksum"}
     if isinstance(value, list):
         return [_plain(x) for x in value]
-    return (
-        _check.real("number", value)
-        if isinstance(value, (int, float)) and not isinstance(value, bool)
-        else value
-    )
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return _check.real("number", value) if number else value

@@ -1,4 +1,4 @@
-"""Read a digital controller back from the JSON that it wrote. The file is data, and every field is checked."""
+"""Read a digital controller from its JSON. The file is data only, and every field is checked."""
 
 from __future__ import annotations
 
@@ -12,22 +12,15 @@ from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP, MOST_PATH_LAGS, MOS
 from pidalab.plant.code.files import checksum, content
 
 LONGEST_FILE = 2_000_000  # characters, ten times the longest file that is written
-FIELD_NAMES = {  # the names in each object
-    "": "about version checksum controller sample_time method anti_windup setpoint_weights limits rate_limit deadband "
-    "working_point largest_signal feedforward tunable paths prefilter integral coefficients test",
-    "setpoint_weights": "b c",
-    "working_point": "u y",
-    "integral": "acts grows_by new old back_calculation_gain tracking_gain",
-    "prefilter": "num den new old move out",
-    "path": "name weight new old gains",
-}
+LONGEST_TEXT = 20_000  # characters of the controller's description
+ABOUT = {"about", "version", "checksum"}  # fields without influence on the controller
 
 
 def from_json(text: str) -> DigitalController:
-    """Read a controller back from what its ``json()`` wrote.
+    """Read a controller from the text that its ``json()`` wrote.
 
-    Nothing in the file is run or becomes code. The type and range of every field are checked, and words must be among
-    those allowed. Coefficients and test vector are computed again; a file that differs is refused.
+    Nothing in the file is run or becomes code. The type and range of every field are checked. Coefficients and test
+    vector are computed again, and a file that differs is refused.
 
     Parameters
     ----------
@@ -37,15 +30,14 @@ def from_json(text: str) -> DigitalController:
     Returns
     -------
     DigitalController
-        The same controller, which starts at its first measurement.
+        The same controller, which starts with its first measurement.
 
     Raises
     ------
     TypeError
         If text is not a str.
     ValueError
-        For text that is not such a file, and for a file that was changed: its coefficients, test vector or checksum do
-        not match.
+        For text that is not such a file, and for a file that was changed.
 
     Examples
     --------
@@ -57,37 +49,30 @@ def from_json(text: str) -> DigitalController:
     if not isinstance(text, str):
         raise TypeError(f"text must be a str, found {type(text).__name__}")
     try:
-        stored = _parsed(text)
+        if len(text) > LONGEST_FILE:
+            raise ValueError(f"it must have at most {LONGEST_FILE} characters, found {len(text)}")
+        stored = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number, parse_float=_finite)
         k = _controller(stored)
     except (LookupError, TypeError, ValueError, ArithmeticError, RecursionError) as wrong:
         raise ValueError(
             f"text must be the JSON of a digital controller, as json() writes it: {wrong!s:.300}"
         ) from None
-    for name, value in content(k).items():
-        if not _same(stored[name], value):
-            raise ValueError(f"text was changed by hand: {name!r} does not match the other fields")
+    expected = content(k)
+    for name in {**stored, **expected}.keys() - ABOUT:
+        if name not in stored or name not in expected or not _same(stored[name], expected[name]):
+            raise ValueError(f"text was changed by hand: {name!r:.60} does not match the other fields")
     if stored["checksum"] != checksum(stored):
         raise ValueError("text was changed by hand: its checksum does not match its fields")
     return k
 
 
-def _parsed(text: str) -> dict[str, Any]:
-    """Return the object in a JSON; raise for repeated names and for numbers that are not finite."""
-    if len(text) > LONGEST_FILE:
-        raise ValueError(f"it must have at most {LONGEST_FILE} characters, found {len(text)}")
-    stored = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number, parse_float=_finite)
-    return _object(stored, "")
-
-
 def _controller(stored: dict[str, Any]) -> DigitalController:
     """Return the controller of a JSON object; `DigitalController` checks the numbers."""
-    integral, weights, rest = (
-        _object(stored[name], name) for name in ("integral", "setpoint_weights", "working_point")
-    )
+    integral, weights, rest = (stored[name] for name in ("integral", "setpoint_weights", "working_point"))
     if stored["anti_windup"] not in DISCRETE_ANTI_WINDUP:
         raise ValueError(f"anti_windup must be one of {DISCRETE_ANTI_WINDUP}")
-    if not isinstance(stored["controller"], str) or len(stored["controller"]) > LONGEST_FILE // 100:
-        raise ValueError(f"controller must be a text of at most {LONGEST_FILE // 100} characters")
+    if not isinstance(stored["controller"], str) or len(stored["controller"]) > LONGEST_TEXT:
+        raise ValueError(f"controller must be a text of at most {LONGEST_TEXT} characters")
     about = _list("about", stored["about"], 1000)
     if not all(isinstance(x, str) for x in (*about, stored["version"], stored["checksum"])):
         raise ValueError("about, version and checksum must be texts")
@@ -95,12 +80,7 @@ def _controller(stored: dict[str, Any]) -> DigitalController:
     return DigitalController(
         sample_time=stored["sample_time"],
         method=stored["method"],
-        paths=tuple(
-            FilterChain(
-                p["name"], p["weight"], *(_list(x, p[x], MOST_PATH_LAGS + 1) for x in ("new", "old", "gains"))
-            )
-            for p in (_object(one, "path") for one in _list("paths", stored["paths"], MOST_PATHS))
-        ),
+        paths=tuple(map(_path, _list("paths", stored["paths"], MOST_PATHS))),
         integrates=integral["acts"],
         from_signal=integral["grows_by"] != "error",
         growth=(integral["new"], integral["old"]),
@@ -114,27 +94,20 @@ def _controller(stored: dict[str, Any]) -> DigitalController:
         bias=rest["u"],
         y_offset=rest["y"],
         source=stored["controller"],
-        prefilter=None if stored["prefilter"] is None else _prefilter(stored),
+        prefilter=None if stored["prefilter"] is None else _prefilter(stored["prefilter"]),
         feedforward=stored["feedforward"],
         tunable=stored["tunable"],
     )
 
 
+def _path(stored: dict[str, Any]) -> FilterChain:
+    lists = (_list(name, stored[name], MOST_PATH_LAGS + 1) for name in ("new", "old", "gains"))
+    return FilterChain(stored["name"], stored["weight"], *lists)
+
+
 def _prefilter(stored: dict[str, Any]) -> Prefilter:
-    """Return a prefilter with tuples for the lists of JSON."""
-    found = _object(stored["prefilter"], "prefilter")
-    lists = {name: _list(name, found[name], MOST_PATH_LAGS + 1) for name in ("num", "den", "out", "move")}
-    return Prefilter(**found | lists)
-
-
-def _object(value: Any, name: str) -> dict[str, Any]:
-    """Check that a value is an object with exactly the expected names."""
-    if not isinstance(value, dict) or {*value} != {*FIELD_NAMES[name].split()}:
-        found = sorted(value) if isinstance(value, dict) else type(value).__name__
-        raise ValueError(
-            f"{name or 'the whole'} must have the names {FIELD_NAMES[name]}, found {found!r:.120}"
-        )
-    return value
+    names = ("num", "den", "out", "move")
+    return Prefilter(**stored | {name: _list(name, stored[name], MOST_PATH_LAGS + 1) for name in names})
 
 
 def _list(name: str, value: Any, most: int) -> tuple[Any, ...]:
@@ -146,21 +119,17 @@ def _list(name: str, value: Any, most: int) -> tuple[Any, ...]:
 def _same(stored: Any, value: Any) -> bool:
     """Return True if a value of the file is as expected; true and 1 differ."""
     if isinstance(value, dict):
-        return (
-            isinstance(stored, dict)
-            and {*stored} == {*value}
-            and all(_same(stored[x], value[x]) for x in value)
-        )
+        alike = isinstance(stored, dict) and {*stored} == {*value}
+        return alike and all(_same(stored[x], value[x]) for x in value)
     if isinstance(value, (list, tuple)):
         return isinstance(stored, list) and len(stored) == len(value) and all(map(_same, stored, value))
     return isinstance(stored, bool) == isinstance(value, bool) and bool(stored == value)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    if len(dict(pairs)) < len(pairs):
         raise ValueError("a name occurs twice in an object")
-    return found
+    return dict(pairs)
 
 
 def _no_number(word: str) -> NoReturn:

@@ -1,7 +1,7 @@
-"""Words that code must not take for names: of the three languages, of their libraries, and of two vendors of PLCs.
+"""Reserved words of the three languages, of their libraries, and of two vendors of PLCs.
 
-Structured text does not tell capitals from small letters, and its compilers take the blocks of their libraries for
-words as well: a variable called ``integral`` or ``action`` stops them. Names here are small letters.
+Structured text ignores case, and its compilers also reserve the names of library blocks: a variable called ``integral``
+or ``action`` does not compile. Names here are in small letters.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-LONGEST_NAME = 32  # characters that every compiler tells apart
+LONGEST_NAME = 32  # characters that every compiler distinguishes
 
 IEC_61131_3 = """
 abstract action and any any_bit any_bool any_char any_chars any_date any_derived any_duration any_elementary any_int
@@ -57,7 +57,7 @@ lambda none nonlocal not or pass raise return true try while with yield self zip
 RESERVED = frozenset(
     " ".join((IEC_61131_3, INSTRUCTION_LIST, STANDARD_LIBRARY, VENDORS, C99, PYTHON_WORDS)).split()
 )
-# conversions as REAL_TO_INT, and typed functions as ADD_REAL, which libraries have for all types
+# conversions such as REAL_TO_INT, and typed functions such as ADD_REAL
 FAMILIES = re.compile(
     r"[a-z]+[0-9]*(_bcd)?_to_[a-z0-9_]+|(abs|add|div|eq|expt?|g[et]|l[et]|mul|ne|sub|limit|max|min|mux|sel|move|trunc|"
     r"sqrt|ln|log|a?sin|a?cos|a?tan|and|x?or|not|mod|ct[ud]{1,2})_[a-z]+"
@@ -71,9 +71,9 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
     Parameters
     ----------
     name : str
-        Of a controller, in small letters.
+        Name of a controller, in small letters.
     taken : iterable of str, optional
-        Further names that the code has already.
+        Further names that the code uses.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
     Raises
     ------
     ValueError
-        For what is no identifier, and for a word of a language or of a library.
+        For a name that is not an identifier, and for a reserved word.
 
     Examples
     --------
@@ -92,17 +92,12 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
     'level_2'
     """
     plain = isinstance(name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", name) and len(name) <= LONGEST_NAME
-    capitals = "".join(word.capitalize() for word in name.split("_")) if plain else ""  # the class in Python
-    if (
-        not plain
-        or name in RESERVED | OWN
-        or FAMILIES.fullmatch(name)
-        or not {name, capitals}.isdisjoint(taken)
-        or name.startswith("test_")
-    ):
-        raise ValueError(
-            f"name must be an identifier of small letters, digits and single underscores that begins with a letter, "
-            f"has at most {LONGEST_NAME} of them and is no word of a language, a library or this code, found "
-            f"{name!r:.60}"
-        )
-    return str(name)
+    if plain:
+        capitals = "".join(word.capitalize() for word in name.split("_"))  # the class in Python
+        reserved = name in RESERVED | OWN or FAMILIES.fullmatch(name) or name.startswith("test_")
+        if not reserved and {name, capitals}.isdisjoint(taken):
+            return name
+    raise ValueError(
+        "name must be an identifier of small letters, digits and single underscores that begins with a letter, has at "
+        f"most {LONGEST_NAME} characters and is no word of a language, a library or this code, found {name!r:.60}"
+    )

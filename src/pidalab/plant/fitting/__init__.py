@@ -1,4 +1,4 @@
-"""A model from a record: output-error least squares, with the uncertainty that the record leaves."""
+"""Fit a model to a record by output-error least squares, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -15,30 +15,10 @@ from scipy.special import chdtri
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.plant.doubts import doubt
-from pidalab.plant.fitting.searching import (
-    BETTER,
-    LEVEL,
-    FitData,
-    FitResult,
-    Shape,
-    loaded,
-    prepared,
-    projected,
-    refined,
-    rivals,
-    tried_models,
-)
-from pidalab.plant.fitting.uncertainty import (
-    DRIFTS,
-    closed_loop_factor,
-    covariance,
-    drifts,
-    noise_of,
-    samples_per_error,
-    unexplained,
-    unsettled,
-)
+from pidalab.plant.doubts import doubt, with_doubts
+from pidalab.plant.fitting import searching, uncertainty
+from pidalab.plant.fitting.searching import BETTER, LEVEL, FitData, FitResult, Shape, tried_models
+from pidalab.plant.fitting.uncertainty import DRIFTS, noise_of, samples_per_error, unexplained, unsettled
 from pidalab.plant.record import Record
 from pidalab.plant.record.cleaning import FOLLOWER
 from pidalab.process import Process
@@ -48,13 +28,14 @@ if TYPE_CHECKING:
 
 FIRST_TRIED, THEN = ("fopdt", "lags", "sopdt", "ipdt"), ("ifopdt", "sopdtz")
 MODELS = (*FIRST_TRIED, *THEN, "auto")
-SURPLUS = 1.1  # of residuals over noise, from which more models are tried
-WORKING_POINT = 0.15  # share by which the gain may be higher or lower than in a record, whatever that settles
+SURPLUS = 1.1  # ratio of residuals to noise above which more models are tried
+WORKING_POINT = 0.15  # relative change of the gain between the working point of the record and others
 HIGHER = 0.75  # share of the plants whose gain is higher
-UNSETTLED = 1.05  # times the least residual: a model that the record settles serves up to there
-MOVED = 0.05  # share of its span by which the input moves, if it does
-MOST_UNEXPLAINED = 0.5  # share of the movement of the output that no model may leave beyond noise
-TRIMMED = 0.95  # probability with which the likelihood of the true plant is above that of the plants left out
+UNSETTLED = 1.05  # times the least residual, up to which an identifiable model is preferred
+MOVED = 0.05  # share of its span by which an input must move to count as moving
+MOST_UNEXPLAINED = 0.5  # largest model error, as a share of the movement of the output
+TRIMMED = 0.95  # probability that the true plant is likelier than the plants left out
+ALONE = "step the input by itself, from rest, with nothing else moving the output"
 
 
 class NoPredictionError(ValueError):
@@ -63,7 +44,7 @@ class NoPredictionError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model fitted to a record, how sure it is, and what is left over.
+    """A model fitted to a record, with its uncertainty and residuals.
 
     Attributes
     ----------
@@ -72,20 +53,19 @@ class Fit:
     model : str
         Its kind: "fopdt", "sopdt", "lags", "ipdt", "ifopdt" or "sopdtz".
     parameters, uncertainty : mapping of str to float
-        Values, and their standard uncertainties: from the sensitivity of the output to each, the size of the residuals
-        and how long these stay correlated.
+        Values, and their standard uncertainties, from the sensitivities of the output and the size and correlation of
+        the residuals. In closed loop the uncertainties are larger by a factor, see `fit`.
     residuals : ndarray, shape (n,)
-        Recorded less simulated output, at the record's own times or, for a long record, at averaged ones.
+        Recorded less simulated output, at the times of the record or, for a long record, at averaged ones.
     deviation : float
         Root mean square of the residuals, in the unit of y.
     noise : float
-        Standard deviation of the noise: the largest of that at rest, of what in the residuals changes from sample to
-        sample (root mean square of their second differences by the root of 6), and of rounding. A good model leaves no
-        more; what it leaves beyond is `model_error`.
+        Standard deviation of the noise: the largest of that at rest, that of the residuals between samples (root mean
+        square of their second differences over the root of 6), and that of rounding.
     reason : str
-        Why this model, in a sentence.
+        Why this model was chosen.
     record : Record
-        What was fitted.
+        The record.
     """
 
     process: Process
@@ -103,17 +83,16 @@ class Fit:
     _times: float
 
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
-        """Return plants that the record does not rule out: other parameters, and a lag that the model does not have.
+        """Return plants that the record does not rule out.
 
-        They are drawn from the joint uncertainty of the parameters, around the model and, in turn, around models with a
-        further lag, fitted anew: the longest whose residuals are not 3 % larger, and one of a middle length. What such
-        a lag does to a record a little dead time does nearly as well; what it does to a loop can be quite different.
-        Left out are those with which the record is less likely than with 95 % of the plants around the same model.
-        For equal lags, two unequal ones with a further lag are among these models as well.
+        They are drawn from the joint uncertainty of the parameters, around the model and around models with a further
+        lag: the longest lag that raises the residuals by at most 3 %, and a middle one. In a record such a lag looks
+        like a little dead time, but in a loop it acts differently. Equal lags also have two unequal lags with a further
+        one as rivals. Plants with which the record is less likely than with 95 % of those around the same model are
+        left out.
 
-        All have more dead time than was fitted, by up to the interval in which the input changed: a record shows a
-        change at the sample after it, and does not say when it was. (An input that moves at every sample is taken to
-        be written at the samples.)
+        All have more dead time than was fitted, by up to the interval in which the input changed, since a record shows
+        a change only at the next sample. (An input that moves at every sample is assumed to move at the samples.)
 
         Parameters
         ----------
@@ -138,24 +117,22 @@ class Fit:
         count = _check.integer("count", count, at_least=1)
         values = np.delete(self._found.values, LEVEL)
         models = [(self._found.shape, values), *self._rivals]
-        # drawn as logarithms, so that a time stays positive; the dead time as a share of all times
+        # draw logarithms, so that times stay positive, and the dead time as a share of all times
         scale = np.abs(values)
         scale[-1] = np.sum(np.abs(values[1:])) or 1.0
         covariance = self._covariance / np.outer(scale, scale)
-        # samples, if each had an error of its own
-        worth = self._data.t.size / samples_per_error(self._found.residuals) / self._times**2
-        room = 1.0 + float(chdtri(values.size, 1 - TRIMMED)) / worth
-        limits = [room * self._squares(shape, centre) for shape, centre in models]
+        independent = self._data.t.size / samples_per_error(self._found.residuals) / self._times**2
+        tolerance = 1.0 + float(chdtri(values.size, 1 - TRIMMED)) / independent
+        limits = [tolerance * self._squares(shape, centre) for shape, centre in models]
         rng = np.random.default_rng(seed)
         plants: list[Process] = []
         shrunk = 1.0
         while len(plants) < count:
-            for draw in rng.multivariate_normal(
-                np.zeros(values.size), covariance * shrunk**2, size=2 * count
-            ):
+            draws = rng.multivariate_normal(np.zeros(values.size), covariance * shrunk**2, size=2 * count)
+            for draw in draws:
                 turn = len(plants) % len(models)
                 shape, centre = models[turn]
-                if centre.size > draw.size:  # beside equal lags: unequal ones, whose damping no draw knows
+                if centre.size > draw.size:  # unequal lags: the draws of equal ones have no damping
                     draw = np.insert(draw, draw.size - 1, 0.0)
                 drawn = centre * np.exp(np.clip(draw, -2.0, 2.0))
                 drawn[-1] = centre[-1] + draw[-1] * scale[-1]
@@ -163,19 +140,19 @@ class Fit:
                     continue
                 earlier = rng.uniform(0.0, self._data.unseen)
                 plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
-            shrunk *= 0.8  # of a long and bent valley few draws lie inside
+            shrunk *= 0.8  # few draws are likely where the parameters are strongly correlated
         return plants
 
     def plants(self, count: int = 21) -> list[Process]:
-        """Return the model and, after it, plants that the record allows: a family to design for.
+        """Return the model and plants that the record allows, as a family to design for.
 
-        They are those of `spread`, most of them with a gain that is 15 % higher, the others 15 % lower. A record shows
-        the gain of one working point only, and a valve that sticks moves less than it is told to.
+        They are those of `spread`, most of them with a gain 15 % higher, the others 15 % lower: a record shows the gain
+        of one working point only, and a sticking valve moves less than it should.
 
         Parameters
         ----------
         count : int, optional
-            How many, the model included.
+            How many, including the model.
 
         Returns
         -------
@@ -199,7 +176,7 @@ class Fit:
         return [self.process, *(Process(plant.num * gain, plant.den, plant.delay) for plant, gain in drawn)]
 
     def _squares(self, shape: Shape, values: Array) -> float:
-        """Sum of the squared residuals of a model, level and initial state solved for."""
+        """Return the sum of squares of a model with this gain and the best level and initial state."""
         basis = self._data.basis(shape, values[1:].tolist())
         left = self._data.y - values[0] * basis[:, 0]
         left = left - basis[:, 1:] @ np.linalg.lstsq(basis[:, 1:], left, rcond=None)[0]
@@ -207,19 +184,19 @@ class Fit:
 
     @cached_property
     def _rivals(self) -> tuple[tuple[Shape, Array], ...]:
-        return rivals(self._data, self._found)
+        return searching.rivals(self._data, self._found)
 
     @property
     def nrmse(self) -> float:
-        """One less the residuals' share of the output's movement: 1 for a model that leaves nothing."""
+        """Goodness of fit: 1 - RMS of the residuals / standard deviation of y."""
         return 1.0 - self.deviation / float(np.std(self._data.y))
 
     @cached_property
     def holdout(self) -> float:
-        """The same for the end of the record, predicted by a fit of the rest; nan where nothing moves at the end.
+        """NRMSE of the hold-out data, the end of the record, predicted by a fit of the rest.
 
-        The end is the last third or, if the input does not move in it, what follows the last change; there is none if
-        the input moves only once, or the output no more than noise.
+        The hold-out data are the last third or, if the input does not move in it, the samples after its last change.
+        nan if the input moves only once, or the output no more than noise.
         """
         data = self._data
         level = np.cumsum(data.changes)
@@ -227,34 +204,33 @@ class Fit:
         last = float(data.change_times[int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0])
         cut = min(data.t[0] + 2 / 3 * np.ptp(data.t), last - 1e-9 * np.ptp(data.t))
         if data.loaded and cut < data.t[0] + 0.5 * np.ptp(data.t):
-            return math.nan  # so short a part does not tell the load from the input
+            return math.nan  # so short a part does not separate load and input
         early = data.until(cut)
-        seen = np.append(np.cumsum(early.changes), 0.0)
-        if np.ptp(seen) <= MOVED * np.ptp(np.append(level, 0.0)) or early.t.size < 20:
+        moves = np.ptp(np.append(np.cumsum(early.changes), 0.0))
+        if moves <= MOVED * np.ptp(np.append(level, 0.0)) or early.t.size < 20:
             return math.nan
-        shape = self._found.shape
-        found = refined(early, shape, self._found.values[2:].tolist(), float(np.ptp(early.t)))
+        shape, late = self._found.shape, data.t > cut
+        found = searching.refined(early, shape, self._found.values[2:].tolist(), float(np.ptp(early.t)))
         p = found.values[2:].tolist()
-        late = data.t > cut
         if not found.converged or np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
             return math.nan
-        whole = data._replace(load=found.data.load)  # the load where the early part has it
-        error = (data.y - whole.basis(shape, p) @ projected(found.data, shape, p)[1])[late]
+        whole = data._replace(load=found.data.load)
+        error = (data.y - whole.basis(shape, p) @ searching.projected(found.data, shape, p)[1])[late]
         return 1.0 - float(np.sqrt(np.mean(error**2)) / np.std(data.y[late]))
 
     @property
     def model_error(self) -> float:
-        """Root mean square of what the model leaves beyond noise."""
+        """Root mean square of the residuals beyond the noise."""
         return math.sqrt(max(0.0, self.deviation**2 - self.noise**2))
 
     @property
     def incomplete(self) -> bool:
-        """Whether the model leaves more than twice the noise."""
+        """Return True if the residuals are more than twice the noise."""
         return self.deviation > 2 * self.noise
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What a reader should know of the model; `record` has its own."""
+        """Reservations about the model; `record` has its own."""
         found = []
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
@@ -268,7 +244,7 @@ class Fit:
         return tuple(found)
 
     def plot(self, ax: Axes) -> None:
-        """Draw recorded and simulated output and, below them, the residuals in a band of twice the noise.
+        """Draw recorded and simulated output and, below, the residuals in a band of twice the noise.
 
         Parameters
         ----------
@@ -295,7 +271,7 @@ class Fit:
         ax.legend()
 
     def __str__(self) -> str:
-        return "\n".join([self.described(), *(f"doubt: {said}" for said in self.doubts)])
+        return with_doubts(self.described(), self.doubts)
 
     def described(self) -> str:
         """Return the text of ``print`` without the doubts.
@@ -313,20 +289,14 @@ class Fit:
         >>> fit.described().split(":")[0]
         'fopdt'
         """
-        values = ", ".join(
-            f"{name} = {value:.4g} ± {self.uncertainty[name]:.2g}" for name, value in self.parameters.items()
-        )
-        holdout = (
-            "no hold-out data" if math.isnan(self.holdout) else f"{self.holdout:.3f} on the hold-out data"
-        )
-        lines = [
-            f"{self.model}: {values}",
+        sigma, holdout = self.uncertainty, f"{self.holdout:.3f} on the hold-out data"
+        values = ", ".join(f"{name} = {x:.4g} ± {sigma[name]:.2g}" for name, x in self.parameters.items())
+        return (
+            f"{self.model}: {values}\n"
             f"residuals {self.deviation:.3g} (root mean square): noise {self.noise:.3g}, "
-            f"error of the model {self.model_error:.3g}",
-            f"NRMSE {self.nrmse:.3f}, {holdout}",
-            self.reason,
-        ]
-        return "\n".join(lines)
+            f"error of the model {self.model_error:.3g}\n"
+            f"NRMSE {self.nrmse:.3f}, {'no hold-out data' if math.isnan(self.holdout) else holdout}\n{self.reason}"
+        )
 
 
 def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
@@ -335,15 +305,13 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     Parameters
     ----------
     record : Record
-        Any input that moves enough: one step is enough, several or a closed loop's set-point change serve too.
+        Any input that moves enough: one step, several, or the set-point change of a closed loop.
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz"}, optional
         One lag, two poles with damping, up to eight equal lags, an integrator, an integrator with a lag, two poles and
-        a zero, each with dead time; "auto" takes the simplest that no other one beats by more than 3 % in the
-        residuals, of those that the record settles. It tries the last two where the others leave more than noise and
-        no load is fitted.
+        a zero, each with dead time. "auto" takes the simplest identifiable model whose residuals are at most 3 % larger
+        than the least. It tries the last two if the others leave more than noise and no load is fitted.
     load : bool, optional
-        Whether a step of the load, of a size and at a time that are found with the model, moved the output as well. So
-        a loop at a constant set point shows its plant, too.
+        Also fit the size and time of a load step. With one, a loop at a constant set point shows its plant as well.
 
     Returns
     -------
@@ -354,9 +322,9 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     TypeError
         If `record` is not a Record.
     ValueError
-        For another word as `model`, a record with outliers, an input that follows the output, an output that does not
-        answer or only drifts, and parameters that the record does not settle, such as the sign of the gain; it says
-        which experiment would.
+        For an unknown `model`, a record with outliers, an input that follows the output, an output that does not answer
+        or only drifts, parameters that are not identifiable, and a gain that contradicts the feedback in the record.
+        The message names an experiment that would help.
 
     Examples
     --------
@@ -381,8 +349,8 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         raise ValueError(
             f"the input tells nothing of the plant: {FOLLOWER}; step the input by hand, or move the set point"
         )
-    data = loaded(prepared(record)) if load else prepared(record)
-    if not load and drifts(data):
+    data = searching.loaded(searching.prepared(record)) if load else searching.prepared(record)
+    if not load and uncertainty.drifts(data):
         raise ValueError(DRIFTS)
     tried, failed = tried_models(data, FIRST_TRIED if model == "auto" else (model,))
     if model == "auto" and not load and not _explained(record, data, tried):
@@ -391,11 +359,10 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     if not tried:
         raise ValueError(f"{failed}; step the input further, from rest")
     if load and unexplained(data, min(tried, key=lambda found: found.cost)):
-        raise ValueError(DRIFTS)  # so many times and models would explain some noise, too
+        raise ValueError(DRIFTS)  # so many times and models would explain some noise as well
     if model != "auto":
         best = min(tried, key=lambda found: found.cost)
-        _require_settled(data, best)
-        return _result(record, data, best, f"{model} was requested.")
+        return _result(record, data, _settled(data, best), f"{model} was requested.")
     chosen, reason = _choice(data, tried)
     try:
         return _result(record, data, chosen, reason)
@@ -410,7 +377,7 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
 
 
 def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> bool:
-    """Whether the best model is settled, and leaves noise."""
+    """Return True if the best model is identifiable and leaves no more than noise."""
     if not tried:
         return False
     best = min(tried, key=lambda found: found.cost)
@@ -418,64 +385,59 @@ def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> boo
 
 
 def _choice(data: FitData, tried: Sequence[FitResult]) -> tuple[FitResult, str]:
-    """Return the simplest candidate close to the best of those that the record settles, and why."""
+    """Return the simplest identifiable candidate close to the best, and why it was chosen."""
     first = min(tried, key=lambda found: found.cost)
     settled = [found for found in tried if not unsettled(data, found)]
     best = min(settled, key=lambda found: found.cost, default=first)
     if not settled or best.deviation > UNSETTLED * first.near:
-        _require_settled(data, first)
+        _settled(data, first)
     near = [found for found in settled if found.deviation <= best.near]
     chosen = min(near, key=lambda found: (found.values.size, found.cost))
-    others: dict[str, float] = {}
-    for found in tried:
-        name = found.shape.name
-        others[name] = min(others.get(name, np.inf), found.deviation)
-    said = ", ".join(
-        f"{name} {value:.3g}" for name, value in sorted(others.items(), key=lambda item: item[1])
-    )
-    lost = sorted({found.shape.name for found in tried} - {found.shape.name for found in settled})
+    least: dict[str, float] = {}
+    for found in sorted(tried, key=lambda found: found.deviation):
+        least.setdefault(found.shape.name, found.deviation)
+    residuals = ", ".join(f"{name} {value:.3g}" for name, value in least.items())
+    lost = sorted({*least} - {found.shape.name for found in settled})
     return chosen, (
-        f"{chosen.shape.name} is the simplest within {100 * BETTER:.0f} % of the least residual ({said})"
+        f"{chosen.shape.name} is the simplest within {100 * BETTER:.0f} % of the least residual ({residuals})"
         + (f"; not identifiable from this record: {', '.join(lost)}." if lost else ".")
     )
 
 
-def _require_settled(data: FitData, found: FitResult) -> None:
-    refusal = unsettled(data, found)
-    if refusal:
+def _settled(data: FitData, found: FitResult) -> FitResult:
+    """Return a result, or raise an error if it is not identifiable."""
+    if refusal := unsettled(data, found):
         raise ValueError(refusal)
+    return found
 
 
 def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit:
-    names = ("gain", "level", *found.shape.parameters, "delay")
-    times = closed_loop_factor(record, found)
-    spread = times**2 * covariance(found)
-    sigma = np.sqrt(np.diag(spread))
-    parameters = dict(zip(names, found.values.tolist(), strict=True))
-    uncertainty = dict(zip(names, sigma.tolist(), strict=False))  # beyond these: of the initial state
-    del parameters["level"], uncertainty["level"]
+    names = np.array(["gain", "level", *found.shape.parameters, "delay"])
+    times = uncertainty.closed_loop_factor(record, found)
+    covariance = times**2 * uncertainty.covariance(found)
+    keep = np.delete(np.arange(names.size), LEVEL)  # further ones belong to the initial state and the load
+    sigma = np.sqrt(np.diag(covariance))[keep]
+    parameters = dict(zip(names[keep].tolist(), found.values[keep].tolist(), strict=True))
     process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
-    keep = np.delete(np.arange(len(names)), LEVEL)
     noise = noise_of(record, data, found)
-    if refusal := unexplained(data, found):
+    if refusal := unexplained(data, found) or uncertainty.runs_away(record, data, found):
         raise ValueError(refusal)
     if found.deviation**2 - noise**2 > (MOST_UNEXPLAINED * float(np.std(data.y))) ** 2:
         raise ValueError(
-            f"{found.shape.name} does not describe this plant: it leaves {found.deviation:.3g} of an output that moves "
-            f"by {np.std(data.y):.3g} (standard deviation), and its noise is {noise:.3g}; step the input by itself, "
-            "from rest, with nothing else moving the output"
+            f"{found.shape.name} does not describe this plant: its residuals are {found.deviation:.3g}, where the "
+            f"output moves by {np.std(data.y):.3g} (standard deviations) and the noise is {noise:.3g}; {ALONE}"
         )
     fitted = Fit(
         process=process,
         model=found.shape.name,
         parameters=MappingProxyType(parameters),
-        uncertainty=MappingProxyType(uncertainty),
+        uncertainty=MappingProxyType(dict(zip(parameters, sigma.tolist(), strict=True))),
         residuals=found.residuals,
         deviation=found.deviation,
         noise=noise,
         reason=reason,
         record=record,
-        _covariance=spread[np.ix_(keep, keep)],
+        _covariance=covariance[np.ix_(keep, keep)],
         _data=found.data,
         _found=found,
         _times=times,
@@ -483,7 +445,6 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
     if fitted.holdout <= 0:
         raise NoPredictionError(
             f"{found.shape.name} does not describe this plant: it predicts the hold-out data, the end of the record, "
-            f"no better than their mean does (NRMSE {fitted.holdout:.2f}); step the input by itself, from rest, with "
-            "nothing else moving the output"
+            f"no better than their mean does (NRMSE {fitted.holdout:.2f}); {ALONE}"
         )
     return fitted

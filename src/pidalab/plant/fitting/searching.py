@@ -1,4 +1,4 @@
-"""Step responses of simple models in closed form, with a static gain of 1 and without dead time."""
+"""Step responses of simple models in closed form, and the least-squares search for their parameters."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from pidalab.plant.record import Record
 from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 
 MOST_LAGS = 8
-TABLE = 4001  # times at which the response behind a further lag is worked out
+TABLE = 4001  # times at which the response behind a further lag is computed
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A model whose shape depends on times, and possibly on a damping; its gain and dead time are apart.
+    """A model of static gain 1 without dead time.
 
     Attributes
     ----------
     name : str
-        As `fit` calls it.
+        As in `fit`.
     parameters : tuple of str
         Names of the shape's parameters.
     step : callable
-        Unit step response at times (0 before 0), from times and shape parameters.
+        Returns the unit step response (0 before 0), from times and shape parameters.
     process : callable
-        The Process, from gain, shape parameters and dead time.
+        Returns the Process, from gain, shape parameters and dead time.
     signed : int
         How many of the parameters, the last ones, may be negative.
     """
@@ -50,11 +50,11 @@ def _first_order(t: Array, p: Sequence[float]) -> Array:
 
 
 def _second_order(t: Array, p: Sequence[float]) -> Array:
-    """Response of (zero s + 1)/(tau² s² + 2 damping tau s + 1), from tau, damping and, if there is one, the zero."""
+    """Return the response of (zero s + 1)/(tau² s² + 2 damping tau s + 1)."""
     tau, damping, zero = (*p, 0.0)[:3]
     x = np.maximum(t, 0.0) / tau
     apart = damping**2 - 1.0
-    # half the distance of the poles, imaginary for an oscillation; two close poles stand for a double one
+    # half the distance of the poles, imaginary for an oscillation; a double pole is replaced by two close ones
     half = np.emath.sqrt(apart) if abs(apart) > 1e-10 else 1e-5
     slow = damping - half
     late, early = np.exp(-slow * x), np.exp(-(damping + half) * x)
@@ -63,8 +63,8 @@ def _second_order(t: Array, p: Sequence[float]) -> Array:
 
 
 def _lagged_ramp(t: Array, p: Sequence[float]) -> Array:
-    since = np.maximum(t, 0.0)
-    return since + p[0] * np.expm1(-since / p[0])
+    elapsed = np.maximum(t, 0.0)
+    return elapsed + p[0] * np.expm1(-elapsed / p[0])
 
 
 def _ramp(t: Array, p: Sequence[float]) -> Array:
@@ -72,7 +72,7 @@ def _ramp(t: Array, p: Sequence[float]) -> Array:
 
 
 def equal_lags(order: int) -> Shape:
-    """Return the shape of `order` equal lags: its step response is a regularised incomplete gamma function."""
+    """Return the shape of equal lags. Its step response is a regularised incomplete gamma function."""
     return Shape(
         "lags",
         ("lag",),
@@ -82,20 +82,20 @@ def equal_lags(order: int) -> Shape:
 
 
 def behind_lag(shape: Shape, lag: float) -> Shape:
-    """Return the shape with a further lag of known time constant in series, which its parameters do not show.
+    """Return the shape with a further lag of fixed time constant in series.
 
-    The lag takes the response over from a table, between whose times it counts as straight.
+    The response is filtered as a table of straight pieces, for which the recursion is exact.
     """
 
     def step(t: Array, p: Sequence[float]) -> Array:
         times = np.linspace(0.0, max(float(np.max(t)), lag), TABLE)
         x = times[1] / lag
-        # exact for an input that is straight between the times: y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1}
+        # y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1} is exact for an input that is straight between the times
         a = np.exp(-x)
         b = -np.expm1(-x) / x
         inner = shape.step(times, p)
         driven = (1.0 - b) * inner + (b - a) * np.append(0.0, inner[:-1])
-        # the recursion as equations: one on the diagonal, -a below it
+        # the recursion as linear equations, with 1 on the diagonal and -a below it
         table = solve_banded((1, 0), np.vstack([np.ones(TABLE), np.full(TABLE, -a)]), driven)
         return np.asarray(np.interp(t, times, table), dtype=float)
 
@@ -111,38 +111,47 @@ SECOND_ORDER = Shape(
     "sopdt", ("tau", "damping"), _second_order, lambda gain, p, delay: sopdt(gain, p[0], p[1], delay)
 )
 INTEGRATOR = Shape("ipdt", (), _ramp, lambda gain, p, delay: ipdt(gain, delay))
+ORDER_WITH_ZERO = Shape(
+    "sopdtz",
+    ("tau", "damping", "zero"),
+    _second_order,
+    lambda gain, p, delay: Process([gain * p[2], gain], sopdt(gain, p[0], p[1], delay).den, delay),
+    signed=1,
+)
+LAGGED = Shape(
+    "ifopdt", ("lag",), _lagged_ramp, lambda gain, p, delay: Process([gain], [p[0], 1.0, 0.0], delay)
+)
+SINGLE = {shape.name: shape for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)}
 
-
-def _with_zero(gain: float, p: Sequence[float], delay: float) -> Process:
-    return Process([gain * p[2], gain], sopdt(gain, p[0], p[1], delay).den, delay)
-
-
-def _integrator_and_lag(gain: float, p: Sequence[float], delay: float) -> Process:
-    return Process([gain], [p[0], 1.0, 0.0], delay)
-
-
-ORDER_WITH_ZERO = Shape("sopdtz", ("tau", "damping", "zero"), _second_order, _with_zero, signed=1)
-LAGGED = Shape("ifopdt", ("lag",), _lagged_ramp, _integrator_and_lag)
-
-
-MOST_CHANGES = 60  # of the input that are followed one by one; beyond, the record is laid on a uniform grid
-MOST_SAMPLES = 4000  # that a fit looks at; a longer record is averaged over neighbours
+MOST_CHANGES = (
+    60  # changes of the input that are followed one by one; a record with more is put on a uniform grid
+)
+MOST_SAMPLES = 4000  # samples of a fit; a longer record is averaged over neighbours
 SUMMED_SAMPLES = 1000  # samples up to which a sum of products is faster than Fourier transforms
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
 NONE = 1e-3  # dead time in samples that counts as none
-LEVEL = 1  # place of the output's level among the parameters
-DESCENTS = 6  # from different starts, of which the lowest end counts
+LEVEL = 1  # index of the output's level among the parameters
+DESCENTS = 6  # descents from different starts; the lowest end counts
 SKETCHED, FINISHED = (
     1e-6,
     1e-12,
-)  # relative changes at which a descent ends: of all of them, then of the lowest
-MOST_DAMPED = 20.0  # damping beyond which a second order is a first one
+)  # relative changes at which a descent ends: first all of them, then the lowest
+MOST_DAMPED = 20.0  # damping beyond which a second order is in effect a first order
 LOADS = 46  # times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
+# starts of a descent, from the time in which the plant answers
+STARTS: dict[str, Callable[[float], list[list[float]]]] = {
+    "ipdt": lambda time: [],
+    "lags": lambda time: [[time / 3]],
+    "sopdt": lambda time: [[time / 2, damping] for damping in (0.2, 0.5, 1.0)],
+    "sopdtz": lambda time: [
+        [time / 2, damping, share * time] for share in (-0.5, 0.5) for damping in (0.5, 1.0)
+    ],
+}
 
 
 class FitData(NamedTuple):
-    """A record as the fit sees it."""
+    """A record in the form that a fit needs."""
 
     t: Array
     y: Array
@@ -150,16 +159,16 @@ class FitData(NamedTuple):
     change_times: Array
     unseen: float  # mean interval between samples in which the input changed
     grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
-    free: bool = False  # whether the plant starts from a state that is not rest
-    load: float = np.nan  # when the output begins to answer a step of the load; nan for none
+    free: bool = False  # True if the plant does not start from rest
+    load: float = np.nan  # time at which the output begins to answer a step of the load; nan for none
 
     @property
     def loaded(self) -> bool:
-        """Whether a step of the load moved the output, too."""
+        """Return True if a step of the load moved the output as well."""
         return not np.isnan(self.load)
 
     def simulated(self, shape: Shape, p: Sequence[float], delay: float) -> Array:
-        """Response of the shape with gain 1 and dead time to the recorded input."""
+        """Return the response of the shape, with gain 1 and a dead time, to the recorded input."""
         if self.grid:
             response = shape.step(self.t - self.t[0] - delay, p)
             if self.t.size <= SUMMED_SAMPLES:
@@ -167,11 +176,11 @@ class FitData(NamedTuple):
             length = next_fast_len(2 * self.t.size)
             product = np.fft.rfft(self.changes, length) * np.fft.rfft(response, length)
             return np.asarray(np.fft.irfft(product, length)[: self.t.size], dtype=float)
-        since = self.t[:, None] - self.change_times - delay
-        return shape.step(since.ravel(), p).reshape(since.shape) @ self.changes
+        elapsed = self.t[:, None] - self.change_times - delay
+        return shape.step(elapsed.ravel(), p).reshape(elapsed.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
-        """Return columns for what enters linearly: gain, level, a free initial state and its slope, a load."""
+        """Return the columns of the linear parameters: gain, level, a free initial state and its slope, a load."""
         columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])
@@ -184,20 +193,19 @@ class FitData(NamedTuple):
 
     def until(self, time: float) -> FitData:
         """Return the data up to a time."""
-        seen, moved = self.t <= time, self.change_times <= time
-        return self._replace(
-            t=self.t[seen], y=self.y[seen], changes=self.changes[moved], change_times=self.change_times[moved]
-        )
+        early, moved = self.t <= time, self.change_times <= time
+        part = self._replace(t=self.t[early], y=self.y[early])
+        return part._replace(changes=self.changes[moved], change_times=self.change_times[moved])
 
 
 def prepared(record: Record) -> FitData:
-    """Return what a fit looks at of a record."""
+    """Return a record in the form that a fit needs."""
     t, u, y = record.t, record.u, record.y
     moved = np.diff(u, prepend=record.u_before)
     changed = np.flatnonzero(moved)
     free = not record.at_rest
     if changed.size > MOST_CHANGES:
-        # a moving input: on a uniform grid its changes and the response are one convolution
+        # on a uniform grid the output is one convolution of the changes and the step response
         count = min(MOST_SAMPLES, round(np.ptp(t) / record.sampling) + 1)
         uniform = np.linspace(t[0], t[-1], count)
         held = u[np.searchsorted(t, uniform, side="right") - 1]
@@ -207,22 +215,25 @@ def prepared(record: Record) -> FitData:
     unseen = float(np.mean(intervals[changed]))
     moments, changes = t[changed], moved[changed]
     if t.size > MOST_SAMPLES:
-        # neighbours are averaged: noise falls, and the response is smooth over so short a time
+        # averaging reduces noise, and the response is smooth over so short a time
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
     return FitData(t, y, changes, moments, unseen, 0.0, free)
 
 
 class FitResult(NamedTuple):
+    """The end of a descent."""
+
     shape: Shape
     values: Array  # gain, level, shape parameters, delay
     residuals: Array
     jacobian: Array
-    converged: bool  # whether the descent came to rest
-    data: FitData  # with the load at its place
+    converged: bool
+    data: FitData  # with the load at its time
 
     @property
     def cost(self) -> float:
+        """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
 
     @property
@@ -232,69 +243,54 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Root mean square of residuals that count as no larger, ignoring rounding."""
+        """Root mean square of the residuals up to which another model is as good."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
 def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult], str]:
-    """Return what the searches end with, and why the last one that failed did."""
+    """Search for each model, and return the results and the reason of the last failure."""
     tried, failed = [], ""
-    for shape in (shape for model in models for shape in _candidates(model)):
-        try:
-            tried.append(search(data, shape))
-        except ArithmeticError as why:
-            failed = str(why)
+    for model in models:
+        orders = (
+            [equal_lags(order) for order in range(2, MOST_LAGS + 1)] if model == "lags" else [SINGLE[model]]
+        )
+        for shape in orders:
+            try:
+                tried.append(search(data, shape))
+            except ArithmeticError as why:
+                failed = str(why)
     return tried, failed
 
 
-def _candidates(model: str) -> list[Shape]:
-    if model == "lags":
-        return [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
-    return [
-        shape
-        for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)
-        if shape.name == model
-    ]
-
-
 def search(data: FitData, shape: Shape) -> FitResult:
-    """Least squares over shape and dead time from a grid of starts, gain and level solved for at each try."""
+    """Search the least squares over shape and dead time from a grid of starts.
+
+    Notes
+    -----
+    Gain, level, initial state and load enter linearly: `projected` solves for them at each try (variable projection,
+    Golub and Pereyra 1973). The grid is cut into parts of neighbouring shapes, and a descent begins at the best start
+    of each. So an oscillation is tried as well as an overdamped shape. The lowest end is refined once more.
+    """
     span = data.t[-1] - float(data.change_times[0])
-    times = span * np.geomspace(0.01, 0.5, 5)
     delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
-    grid = [[*start, delay] for start in _starts(shape, times) for delay in delays]
+    times = span * np.geomspace(0.01, 0.5, 5)
+    starts = [STARTS[shape.name](time) if shape.name in STARTS else [[time]] for time in times]
+    grid = [[*start, delay] for kind in zip(*starts, strict=True) for start in kind for delay in delays]
+    grid = grid or [[delay] for delay in delays]
     costs = [float(np.sum(projected(data, shape, p)[0] ** 2)) for p in grid]
-    # the best start of each part of the list, so that an oscillation gets its chance beside an overdamped shape
     parts = [part for part in np.array_split(np.arange(len(grid)), DESCENTS) if part.size]
-    starts = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in parts]
-    runs = [refined(data, shape, start, span, SKETCHED) for start in starts]
-    ended = [found for found in runs if found.converged]
+    best = [grid[int(part[np.argmin(np.array(costs)[part])])] for part in parts]
+    runs = [refined(data, shape, start, span, SKETCHED) for start in best]
+    ended = [result for result in runs if result.converged]
     if not ended:
-        raise ArithmeticError(
-            f"no descent of a fit of shape {shape.name} came to rest, from {len(starts)} starts"
-        )
-    lowest = min(ended, key=lambda found: found.cost)
+        raise ArithmeticError(f"no fit of {shape.name} converged, from {len(best)} starts")
+    lowest = min(ended, key=lambda result: result.cost)
     finished = refined(lowest.data, shape, lowest.values[2:].tolist(), span)
     return finished if finished.converged and finished.cost <= lowest.cost else lowest
 
 
-def _starts(shape: Shape, times: Array) -> list[list[float]]:
-    if shape.name == "sopdtz":
-        return [
-            [time / 2, damping, share * time]
-            for share in (-0.5, 0.5)
-            for damping in (0.5, 1.0)
-            for time in times
-        ]
-    if shape.name == "sopdt":
-        return [[time / 2, damping] for damping in (0.2, 0.5, 1.0) for time in times]
-    if shape.name == "lags":
-        return [[time / 3] for time in times]
-    return [[time] for time in times] if shape.parameters else [[]]
-
-
 def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
-    """Residuals with the best gain and level for these times, and these two (and the initial state)."""
+    """Return the residuals with the best linear parameters, and these."""
     basis = data.basis(shape, p)
     linear, *_ = np.linalg.lstsq(basis, data.y, rcond=None)
     return np.asarray(data.y - basis @ linear, dtype=float), np.asarray(linear, dtype=float)
@@ -303,7 +299,7 @@ def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, A
 def refined(
     data: FitData, shape: Shape, start: Sequence[float], span: float, near: float = FINISHED
 ) -> FitResult:
-    """Follow one start down until relative changes are `near`; times by their logarithms, the dead time from 0 up."""
+    """Descend from one start until relative changes are below `near`. Times are searched by their logarithms."""
     count = len(shape.parameters) - shape.signed
 
     def times(x: Array) -> list[float]:
@@ -313,7 +309,7 @@ def refined(
         return data._replace(load=data.t[0] + span * float(x[-1])) if data.loaded else data
 
     low, high = [-9.0] * count + [-1.0] * shape.signed, [3.0] * count + [1.0] * shape.signed
-    if "damping" in shape.parameters:  # the second one, kept as a share of the span for one scale
+    if "damping" in shape.parameters:  # it is the second one, scaled like the times
         low[1], high[1] = np.log(0.02 / span), np.log(MOST_DAMPED / span)
     x = np.array(start) / span
     x[:count] = np.log(x[:count])
@@ -322,26 +318,26 @@ def refined(
     if data.loaded:
         low, high = [*low, 0.0], [*high, float(np.ptp(data.t)) / span]
         x = np.append(x, np.clip((data.load - data.t[0]) / span, 1e-6, 0.99 * high[-1]))
-    found = least_squares(
+    scale = [*([0.1] * count), *([0.02] * (x.size - count))]
+    ends = dict.fromkeys(("xtol", "ftol", "gtol"), near)
+    solution = least_squares(
         lambda x: projected(placed(x), shape, times(x))[0],
         x,
         bounds=(low, high),
-        x_scale=[*([0.1] * count), *([0.02] * (x.size - count))],
-        xtol=near,
-        ftol=near,
-        gtol=near,
+        x_scale=scale,
         max_nfev=200,
+        **ends,
     )
-    p, data = times(found.x), placed(found.x)
-    # the search stops a hair above the edge; no record tells so short a dead time from none
+    p, data = times(solution.x), placed(solution.x)
+    # the search stops just above its bound, and no record tells so short a dead time from none
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, linear = projected(data, shape, p)
     jacobian = _sensitivity(data, shape, linear, p)
-    return FitResult(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(found.success), data)
+    return FitResult(shape, np.array([*linear[:2], *p]), residuals, jacobian, bool(solution.success), data)
 
 
 def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
-    """Derivatives of the simulated output by gain, level, shape and dead time (by differences), and initial state."""
+    """Return the derivatives of the simulated output by gain, level, shape and dead time, and the initial state."""
     basis = data.basis(shape, p)
     columns = [basis[:, 0], basis[:, 1]]
     whole = max(float(np.sum(np.abs(p))), 1e-3 * float(np.ptp(data.t)))
@@ -360,35 +356,38 @@ def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float])
 def loaded(data: FitData) -> FitData:
     """Return the data with a step of the load where one explains most of what the input does not."""
     span = float(np.ptp(data.t))
-    tried = [data._replace(load=data.t[0] + span * at) for at in np.linspace(0.0, 0.9, LOADS)]
-    ways = [[span * lag, span * delay] for lag in (0.01, 0.03, 0.1, 0.3) for delay in (0.0, 0.01, 0.03, 0.1)]
-    return min(
-        tried, key=lambda one: min(float(np.sum(projected(one, FIRST_ORDER, p)[0] ** 2)) for p in ways)
-    )
+    models = [
+        [span * lag, span * delay] for lag in (0.01, 0.03, 0.1, 0.3) for delay in (0.0, 0.01, 0.03, 0.1)
+    ]
+
+    def cost(tried: FitData) -> float:
+        return min(float(np.sum(projected(tried, FIRST_ORDER, p)[0] ** 2)) for p in models)
+
+    times = data.t[0] + span * np.linspace(0.0, 0.9, LOADS)
+    return min((data._replace(load=float(time)) for time in times), key=cost)
 
 
 def rivals(data: FitData, found: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return models with one lag more that the record does not rule out: the longest such lag, and a middle one.
+    """Return models with one more lag that the record does not rule out: the longest such lag, and a middle one.
 
-    For equal lags there are unequal ones, too: they do nearly what a mean lag does to a record.
+    Equal lags have unequal ones as further rivals, since these change a record about as a mean lag does.
     """
     span = data.t[-1] - float(data.change_times[0])
-    left = _hidden(data, found, span, found.near)
+    hidden = _hidden(data, found, span, found.near)
     if found.shape.name == "lags":
-        unequal = search(data, SECOND_ORDER)
-        left += _hidden(data, unequal, span, found.near)
-    return tuple(left)
+        hidden += _hidden(data, search(data, SECOND_ORDER), span, found.near)
+    return tuple(hidden)
 
 
 def _hidden(data: FitData, found: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
-    """Return the longest further lag with which the model still serves, and a middle one."""
+    """Return the model with the longest further lag that still fits, and one with a middle lag."""
     *times, delay = found.values[2:].tolist()
-    # of an integrator that shows no dead time, a lag within a sample is hidden too
+    # an integrator without dead time can hide a lag of one sample
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
-    left = []
+    hidden = []
     for lag in whole * HIDDEN:
-        # a further lag first takes the place of dead time
+        # start with the further lag in place of dead time
         rival = refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
-        if rival.deviation <= near:  # which is all that is asked of one, at rest or not
-            left.append((rival.shape, np.delete(rival.values, LEVEL)))
-    return [left[len(left) // 2], left[-1]] if len(left) > 1 else left
+        if rival.deviation <= near:
+            hidden.append((rival.shape, np.delete(rival.values, LEVEL)))
+    return [hidden[len(hidden) // 2], hidden[-1]] if len(hidden) > 1 else hidden

@@ -1,4 +1,4 @@
-"""What a record says before a model is fitted: its steps, its state of rest, its noise, and what to doubt."""
+"""A record of a plant: its steps, state of rest, noise and doubts, before a model is fitted."""
 
 from __future__ import annotations
 
@@ -13,33 +13,21 @@ from numpy.typing import ArrayLike
 
 from pidalab import _check
 from pidalab._check import Array
-from pidalab.plant.doubts import doubt
-from pidalab.plant.record.cleaning import (
-    MOVING,
-    Step,
-    cleaned,
-    column,
-    described,
-    far_off,
-    find_steps,
-    name_experiment,
-    named,
-    run_starts,
-    standing_still,
-    still_note,
-)
-from pidalab.plant.record.reading import LONG_AGO, read_columns
+from pidalab.plant.doubts import doubt, with_doubts
+from pidalab.plant.record import cleaning
+from pidalab.plant.record.cleaning import MOVING, Step, column
+from pidalab.plant.record.reading import read_columns
 
 LONG_INTERVAL = 5.0  # times the usual sampling interval: a longer one is a gap
-FEW_LEVELS = 20  # levels of y: fewer are worth a word
-LONG = 0.1  # share of the samples that an input which moves all the time stays at its largest or least value
+FEW_LEVELS = 20  # levels of y, up to which their number is doubted
+LONG = 0.1  # share of the samples that a moving input may stay at its largest or least value
 SAME_PERIOD = 0.01  # share by which the times of a file may differ from a period
 TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
-RAMP_SAMPLES = 5  # samples between two levels of the input: more are worth a word
+RAMP_SAMPLES = 5  # samples between two levels of the input, beyond which the change is doubted
 
 
 class Noise(NamedTuple):
-    """What the measurement adds to the output.
+    """Measurement noise.
 
     Attributes
     ----------
@@ -48,7 +36,7 @@ class Noise(NamedTuple):
     correlation : float
         Correlation of neighbouring samples: 0 for white noise, near 1 for a slow disturbance.
     samples : int
-        From how many samples at rest; 0 if there was no rest, and it was taken from second differences.
+        Number of samples at rest; 0 if the deviation comes from second differences instead.
     """
 
     deviation: float
@@ -58,16 +46,15 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Record:
-    """A record of a plant: times, input and output, cleaned, with a report of what was done and what is doubtful.
+    """A record of a plant: times, input and output, cleaned, with doubts about them.
 
-    Samples with a missing time, input or output are left out, times are sorted, and samples of the same time are
-    averaged. A counter that begins anew is counted on. Nothing is smoothed and nothing is resampled: a fit takes the
-    samples where they are.
+    Samples with a missing value are left out, times are sorted, and samples of the same time are averaged. A counter
+    that restarts is continued. Nothing is smoothed or resampled.
 
     Parameters
     ----------
     t : array_like, shape (n,)
-        Times, in any order, not necessarily uniform; the unit of time of everything that follows.
+        Times, in any order, not necessarily uniform. All results have their unit of time.
     u : array_like, shape (n,)
         Input of the plant (valve, heater), held from each sample to the next.
     y : array_like, shape (n,)
@@ -75,14 +62,14 @@ class Record:
     step : float, optional
         Time of the step that matters, where the record has several or the search finds another one.
     u_before : float, optional
-        Input before the record, at which the plant was at rest: for a record that begins with its step. By default
-        the first input, or that of an earlier row of the same time.
+        Input at which the plant was at rest before the record, for a record that begins with its step. By default the
+        first input, or that of an earlier row of the same time.
     outliers : {"drop", "keep"}, optional
-        What becomes of an output that is far from all its neighbours, or stands still to the last digit after it
-        moved, as with a sensor at the end of its range. By default it stays, is doubted by name, and
-        `identification.fit` refuses the record.
+        What to do with outputs that are far from their neighbours, or stand still to the last digit after they moved,
+        as with a sensor at the end of its range. By default they are doubted, and `identification.fit` refuses the
+        record.
     rows : array_like, shape (n,), optional
-        Numbers of the samples in their file, by which doubts name them.
+        Numbers of the samples in their file, for doubts and errors.
 
     Attributes
     ----------
@@ -90,23 +77,24 @@ class Record:
     steps : tuple of Step
         Changes of the input between lasting levels, in the order of time; empty for a closed loop's record.
     experiment : str
-        What kind of experiment this is, in words.
+        The kind of experiment, in words.
     rest : float
         Output at rest, before the first change of the input.
     noise : Noise
     at_rest : bool
-        Whether the plant was at rest when the input first moved; taken for granted if the record begins with a step.
+        True if the plant was at rest when the input first moved; assumed if the record begins with a step.
     outlier_note : str
-        Outputs far from all their neighbours, and where the output stands still to the last digit after it moved, in
-        words; empty if there are none, or if they were dropped or kept.
+        The outputs that `outliers` is about, in words; empty if there are none, or if they were dropped or kept.
     doubts : tuple of str
-        What a reader of a result should know.
+        Reservations about the record.
+    time_unit, date : str
+        Unit of the times, as in "s", and date of the first sample; empty if the file does not say.
 
     Raises
     ------
     ValueError
-        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes, times
-        that run backward in more than 5 % of the samples.
+        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes, an
+        input that is a clock or a copy of the output, and times that go back in more than 5 % of the samples.
 
     Examples
     --------
@@ -134,6 +122,8 @@ class Record:
     at_rest: bool
     outlier_note: str
     doubts: tuple[str, ...]
+    time_unit: str
+    date: str
 
     def __init__(
         self,
@@ -147,38 +137,40 @@ class Record:
         rows: ArrayLike | None = None,
     ) -> None:
         given = column("t", t), column("u", u), column("y", y)
-        if len({column.size for column in given}) > 1:
-            raise ValueError(
-                f"t, u and y must have one length, found {', '.join(str(c.size) for c in given)}"
-            )
+        if len(sizes := {values.size for values in given}) > 1:
+            raise ValueError(f"t, u and y must have one length, found {', '.join(map(str, sorted(sizes)))}")
         if outliers is not None:
             _check.choice("outliers", outliers, ("drop", "keep"))
         doubts: list[str] = []
         word, numbers = ("sample", np.arange(given[0].size)) if rows is None else ("row", np.asarray(rows))
         where = [f"{word} {k}" for k in numbers]
         if outliers == "drop":
-            doubts += _left_out(given[2], where)
-        times, inputs, outputs, earlier, kept = cleaned(*given, where, u_before is not None, doubts)
-        note = _outliers(outputs, [where[k] for k in kept]) if outliers is None else ""
+            doubts += cleaning.drop_outliers(given[2], where)
+        ramp = u_before is not None
+        times, inputs, outputs, earlier, kept = cleaning.cleaned(*given, where, ramp, doubts)
+        note = "" if outliers else cleaning.outlier_note(outputs, [where[k] for k in kept])
         before = earlier if u_before is None else _check.real("u_before", u_before)
         _check.squarable("u_before", np.array([before]))
         if np.ptp(inputs) == 0 and before == inputs[0]:
             raise ValueError(
-                f"u never changes: it is {before:g} in every sample; if it changed just before the first one, "
-                "give the value before it: u_before, or --u-before on the command line"
+                f"u never changes: it is {before:g} in every sample. If it changed just before the first one, give the "
+                "value before it: u_before (--u-before)"
             )
         first = _check.real("step", step) if step is not None else None
-        steps = find_steps(times, inputs, before)
+        steps = cleaning.find_steps(times, inputs, before)
         if first is not None and not any(s.time >= first for s in steps):
-            raise ValueError(f"step: no change of the input at or after {first:g}; found {described(steps)}")
+            found = cleaning.list_steps(steps)
+            raise ValueError(f"step must not be after the last change of the input, found {first:g}; {found}")
         moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
         start = steps[0].time if steps else times[moved]
         rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
         at_rest = resting or u_before is not None or (bool(steps) and noise.samples == 0)
-        experiment = name_experiment(steps, times, inputs, outputs)
+        experiment = cleaning.name_experiment(steps, times, inputs, outputs)
         vars(self).update(t=times, u=inputs, y=outputs, step_time=first, u_before=before, steps=steps)
         vars(self).update(outlier_note=note, rest=rest, noise=noise, at_rest=at_rest, experiment=experiment)
-        vars(self)["doubts"] = (*doubts, *filter(None, [note]), *self._more_doubts())
+        vars(self).update(
+            doubts=(*doubts, *filter(None, [note]), *self._more_doubts()), time_unit="", date=""
+        )
 
     @classmethod
     def read_csv(
@@ -198,40 +190,38 @@ class Record:
     ) -> Record:
         """Read a record from a delimited text file, as historians write them.
 
-        Units below the names, signs of per cent, brackets around the numbers, commas after the thousands, and lines
-        after the last number are recognised; what was done with them is among the doubts.
+        Units below the names, per cent signs, brackets, thousands separators, and lines after the last number are
+        recognised. Doubts say what was done with them.
 
         Parameters
         ----------
         path : str or pathlib.Path
             The file.
         time, u, y : str or int, optional
-            Names in the header, or numbers of the columns from 0. Times are numbers, or dates or times of day, which
-            become seconds.
+            Names in the header, or numbers of the columns from 0. Times are numbers, dates or times of day; dates and
+            times of day become seconds.
         delimiter : str, optional
             Between the columns; found out if not given.
         step : float, optional
             As for `Record`.
         period : float, optional
-            Time from sample to sample, for a file without a column of times. Refused where the column `time` holds
-            other times.
+            Time between samples, for a file without times. Refused if the column `time` holds other times.
         skip : int, optional
             Lines to leave out at the beginning of the file.
         u_before, outliers : optional
             As for `Record`.
-
         run : int, optional
-            Which of several runs in the file, from 1: where the time restarts a new run begins.
+            Which of several runs in the file, from 1. A new run begins where the time restarts.
 
         Returns
         -------
         Record
-            Its time counts from the first sample where the file has dates.
+            With its `time_unit` and `date` if the file has them. Dates count from the first sample.
 
         Raises
         ------
         ValueError
-            For a missing column, two roles on one column, or an entry that is no number; it names the row.
+            For a missing column, two roles on one column, or an entry that is not a number, with its row.
 
         Examples
         --------
@@ -255,27 +245,25 @@ class Record:
         doubts, rows, (u_read, y_read) = list(found.doubts), found.rows, found.values[-2:]
         if period is None:
             times = found.values[0]
-            if np.nanmax(times, initial=0.0) > LONG_AGO and not np.any(np.diff(times) < 0):
-                times = times - np.nanmin(times)  # a date: seconds since long ago
         else:
             if time not in columns.values():
                 doubts += _compared(period, path, time, delimiter, skip)
             times = period * (rows - rows[0])
         try:
             if run is not None:
-                starts = [*run_starts(times), times.size]
+                starts = [*cleaning.run_starts(times), times.size]
                 run = _check.integer("run", run, at_least=1, at_most=len(starts) - 1)
                 part = slice(starts[run - 1], starts[run])
                 times, u_read, y_read, rows = times[part], u_read[part], y_read[part], rows[part]
             record = cls(times, u_read, y_read, step=step, u_before=u_before, outliers=outliers, rows=rows)
         except ValueError as refusal:
             raise ValueError(f"{path.name} ({said}): {refusal}") from None
-        vars(record)["doubts"] = (*doubts, *record.doubts)
+        vars(record).update(doubts=(*doubts, *record.doubts), time_unit=found.time_unit, date=found.date)
         return record
 
     @property
     def sampling(self) -> float:
-        """Usual interval between samples: the median."""
+        """Median interval between samples."""
         return float(np.median(np.diff(self.t)))
 
     @property
@@ -288,23 +276,20 @@ class Record:
             For a record without one, and for one with a further change after it.
         """
         if not self.steps:
-            raise ValueError(
-                "the record has no step of the input from one level to another; fit takes any input"
-            )
+            raise ValueError("the record has no step of the input between levels; fit takes any input")
         chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
         if len(chosen) > 1:
-            raise ValueError(
-                f"the input changes again after the step: {described(tuple(chosen))}; cut the record before"
-            )
+            found = cleaning.list_steps(tuple(chosen))
+            raise ValueError(f"the input changes again after the step: {found}; cut the record before")
         return chosen[0]
 
     def uniform(self) -> tuple[Array, Array, Array]:
-        """Return times, input and output at the usual interval, with the first change of the input on the grid.
+        """Return times, input and output at the median interval, with the first change of the input on the grid.
 
         Returns
         -------
         t, u, y : ndarray, shape (n,)
-            Times from 0; the input, held, and resting until it first steps; the output, interpolated.
+            Times from 0; the held input, constant until its first step; the interpolated output.
 
         Examples
         --------
@@ -329,8 +314,7 @@ class Record:
         Returns
         -------
         t, y : ndarray
-            Uniform times from 0, at the usual interval, and the deviation from rest by the size of the step,
-            interpolated between the samples.
+            Uniform times from 0, at the median interval, and the interpolated deviation from rest over the step.
 
         Raises
         ------
@@ -383,7 +367,7 @@ class Record:
         return found
 
     def __str__(self) -> str:
-        return "\n".join([self.described(), *(f"doubt: {said}" for said in self.doubts)])
+        return with_doubts(self.described(), self.doubts)
 
     def described(self) -> str:
         """Return the text of ``print`` without the doubts.
@@ -401,70 +385,42 @@ class Record:
         >>> record.described().splitlines()[0]
         '201 samples over 20, every 0.1'
         """
-        lines = [
-            f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}",
-            f"input: {self._moves()}",
-            f"output: at rest {self.rest:.6g} before the step, "
-            f"standard deviation of the noise {self.noise.deviation:.3g}"
-            + (f", correlation {self.noise.correlation:.2f}" if self.noise.deviation else ""),
-        ]
-        return "\n".join(lines)
-
-    def _moves(self) -> str:
-        if len(self.steps) == 1:
-            return described(self.steps)
-        return f"{self.experiment}, moves between {self.u.min():.6g} and {self.u.max():.6g}"
+        moves = f"{self.experiment}, moves between {self.u.min():.6g} and {self.u.max():.6g}"
+        noise = self.noise
+        correlation = f", correlation {noise.correlation:.2f}" if noise.deviation else ""
+        return (
+            f"{self.t.size} samples over {np.ptp(self.t):.6g}, every {self.sampling:.4g}\n"
+            f"input: {cleaning.list_steps(self.steps) if len(self.steps) == 1 else moves}\n"
+            f"output: at rest {self.rest:.6g} before the step, standard deviation of the noise {noise.deviation:.3g}"
+            f"{correlation}"
+        )
 
     def __repr__(self) -> str:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
 
 
 def _compared(period: float, path: Path, time: str | int, delimiter: str | None, skip: int) -> list[str]:
-    """Refuse a period beside times of the file that say otherwise; doubt one beside a column that counts samples."""
+    """Refuse a period that contradicts the times of the file. Doubt one if a column counts samples."""
     try:
         found = read_columns(path, [time], delimiter, skip)
     except ValueError:
         return []  # there is no such column, or it holds no times
     steps = np.diff(found.values[0])
-    own = float(np.median(steps)) if steps.size else np.nan
-    if not own > 0 or np.any(steps < 0) or abs(own / period - 1) < SAME_PERIOD:
+    interval = float(np.median(steps)) if steps.size else np.nan
+    if not interval > 0 or np.any(steps < 0) or abs(interval / period - 1) < SAME_PERIOD:
         return []
     if np.all(steps == 1) and not TIMES.match(found.names[0]):
         return [doubt("counted", name=time, period=period)]
     raise ValueError(
-        f"period = {period:g} contradicts the file's own times in column {time!r}, which are {own:.4g} apart: leave "
-        "out period (--period), or the column of the times"
+        f"period = {period:g} contradicts the file's own times in column {time!r}, which are {interval:.4g} apart: "
+        "leave out period (--period), or the column of the times"
     )
 
 
-def _outliers(y: Array, where: Sequence[str]) -> str:
-    """Name outputs that a sensor may have made up."""
-    wild, still = far_off(y), standing_still(y)
-    notes = [f"far from its neighbours: {named(where, y, wild)}"] if wild.size else []
-    if still:
-        notes.append(
-            f"the output stands still, to the last digit, in {still_note(where, y, still)}: the end of the sensor's "
-            "range, a lost sensor, or a plant that has stopped"
-        )
-    return "; ".join(notes)
-
-
-def _left_out(y: Array, where: Sequence[str]) -> list[str]:
-    """Leave out outputs that a sensor may have made up, and say so."""
-    note = _outliers(y, where)
-    if not note:
-        return []
-    still = standing_still(y)
-    y[far_off(y)] = np.nan
-    for first, last in still:
-        y[first : last + 1] = np.nan
-    return [doubt("left out", note=note)]
-
-
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
-    """Level and noise before the first change of the input, and whether that is rest."""
+    """Return level and noise before the first change of the input, and True if the output rests there."""
     if y.size < 8:
-        # second differences see noise and hardly see a smooth response
+        # second differences show noise and hardly show a smooth response
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
         doubts.append(doubt("few before", count=y.size))
         deviation = max(deviation, _quantum(whole) / np.sqrt(12))
@@ -476,18 +432,15 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
     drifting = bool(deviation) and drift > 2 * deviation and drift > 0.02 * np.ptp(whole)
     if drifting:
         doubts.append(doubt("drifting", drift=drift))
-        residual = np.diff(y, 2)  # see noise, and hardly see a smooth movement
+        residual = np.diff(y, 2)
         deviation = float(residual.std()) / np.sqrt(6)
-    neighbours = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
-    return (
-        float(y.mean()),
-        Noise(max(deviation, _quantum(whole) / np.sqrt(12)), neighbours, y.size),
-        not drifting,
-    )
+    correlation = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
+    noise = Noise(max(deviation, _quantum(whole) / np.sqrt(12)), correlation, y.size)
+    return float(y.mean()), noise, not drifting
 
 
 def _quantum(y: Array) -> float:
-    """Return the least distance between two values of a signal that was rounded, so that most of them come again."""
+    """Return the least distance between two values of a rounded signal, in which most values recur; else 0."""
     levels = np.unique(y)
     return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0
 

@@ -1,4 +1,4 @@
-"""From the columns of a file to samples in the order of time, and what was done on the way."""
+"""Clean the columns of a record, name what a sensor made up, and find the steps of the input."""
 
 from __future__ import annotations
 
@@ -13,25 +13,27 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
-FEWEST = 20  # samples from which something can be concluded
-LONGEST_WRAP = 10  # usual intervals from the last sample before a counter begins anew to the next one
-OVERLAP = 3  # usual intervals by which the time may go back for samples that are merely out of order
-# where clocks begin anew
+FEWEST = 20  # samples that a conclusion needs
+LONGEST_WRAP = 10  # median intervals between the last sample before a counter restarts and the next one
+OVERLAP = 3  # median intervals by which the time may go back for samples that are merely out of order
+# where counters restart
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-# samples, and their share, for which an output stands still, before that is told
-STILL, STILL_SHARE = 15, 0.05
-BEFORE, JUST_BEFORE = 10, 3  # samples before, in which it moved
-SLOWED = 0.1  # share of the way of the former that what comes to rest has at most in the latter
-MANY_STEPS, LITTLE = 2.5, 0.005  # by more than so many steps of its rounding, and than this share of its span
-STRAIGHT, COPY = 0.01, 1e-4  # shares of its span by which an input differs from a clock, or from the output
-DISORDER = 0.05  # share of the samples that may lie before an earlier one
+STILL, STILL_SHARE = 15, 0.05  # samples, and their share, for which an output may stand still
+BEFORE, JUST_BEFORE = 10, 3  # samples before that in which it moved
+SLOWED = 0.1  # movement over the last samples, as a share of that over all of them, of an output that comes to rest
+MANY_STEPS, LITTLE = 2.5, 0.005  # least movement, in steps of its rounding and as a share of its span
+STRAIGHT, COPY = (
+    0.01,
+    1e-4,
+)  # shares of its span by which an input must differ from a clock, and from the output
+DISORDER = 0.05  # share of the samples that may have a time before an earlier one
 LISTED = 4  # samples, or changes of the input, that are listed one by one
 
-Places = NDArray[np.intp]  # of samples
+Places = NDArray[np.intp]  # indices of samples
 
 
 def column(name: str, value: Any) -> Array:
-    """Return an array of floats in which nan is a missing value."""
+    """Return an array of floats, nan for missing values."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -45,9 +47,10 @@ def column(name: str, value: Any) -> Array:
 def cleaned(
     t: Array, u: Array, y: Array, where: Sequence[str], ramp: bool, doubts: list[str]
 ) -> tuple[Array, Array, Array, float, Places]:
-    """Leave out missing values, sort by time, average what has the same time; also return the input before, and places.
+    """Leave out missing values, sort by time and average samples of the same time.
 
-    Of the input the last value of each time is held on; the first one of the first time is the input before.
+    Also return the input before the record and the indices of the samples. The last input of each time is held; the
+    first one of the first time is the input before.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]
     usable = np.all(finite, axis=0)
@@ -77,7 +80,7 @@ def cleaned(
 
 
 def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
-    """Return times that may be sorted; count on those of a counter that begins anew; refuse several runs."""
+    """Return times that may be sorted. Continue a counter that restarts, and refuse several runs."""
     steps = np.diff(t)
     back = steps < 0
     if not back.any():
@@ -108,26 +111,23 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first samples of runs: of rising times that each begin well before the end of the run before."""
+    """Return the first sample of each run of rising times. A run begins well before the end of the last one."""
     edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
     rising = np.diff(t)[np.diff(t) > 0]
     usual = float(np.median(rising)) if rising.size else 0.0
     starts = [0]
     for begin, end in pairwise(edges[1:]):
-        if (
-            end - begin >= FEWEST
-            and begin - starts[-1] >= FEWEST
-            and t[begin] < t[begin - 1] - OVERLAP * usual
-        ):
+        long = min(end - begin, begin - starts[-1]) >= FEWEST
+        if long and t[begin] < t[begin - 1] - OVERLAP * usual:
             starts.append(begin)
     return starts
 
 
 def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
-    """Refuse an input that is a clock or a counter, unless it is known for a ramp, or a copy of the output."""
+    """Refuse an input that is a copy of the output or, unless a ramp was declared, a clock or a counter."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
-    remedy = "name the column of the plant's input (--u); a record without one shows no plant"
+    remedy = "name the column of the plant's input (--u); without an input a record shows no plant"
     order = np.argsort(t, kind="stable")
     moved = np.diff(u[order])
     if not ramp and (np.all(moved > 0) or np.all(moved < 0)):
@@ -144,11 +144,11 @@ def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
 
 
 def far_off(y: Array) -> Places:
-    """Return the samples that are far from their neighbours: by more than these scatter, and a fifth of the span."""
+    """Return the samples that differ from their neighbours by more than these scatter and a fifth of the span."""
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
         return known[:0]
-    # at the ends mirrored: the last sample stands once among its neighbours, like any other
+    # mirrored at the ends, so that the last sample has neighbours on both sides
     around = np.lib.stride_tricks.sliding_window_view(np.pad(y[known], 4, mode="reflect"), 9)
     away = np.abs(y[known] - np.median(around, axis=1))
     low, high = np.quantile(y[known], [0.02, 0.98])
@@ -156,10 +156,10 @@ def far_off(y: Array) -> Places:
 
 
 def standing_still(y: Array) -> list[tuple[int, int]]:
-    """Return runs of samples at which an output that moved stands still to the last digit, as first and last place.
+    """Return first and last sample of each run in which an output that moved stands still to the last digit.
 
-    So does a sensor at the end of its range, or a logger that has lost its sensor. A plant does not: what comes to rest
-    slows down before, and what is rounded has been moving by steps of its rounding.
+    A sensor at the end of its range does so, and a logger that has lost its sensor. A plant that comes to rest slows
+    down before, and a rounded output moves by steps of its rounding.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -168,39 +168,52 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
     moved = np.flatnonzero(np.diff(y)) + 1
     levels = np.unique(y)
     rounded = float(np.median(np.diff(levels))) if 3 * levels.size < 2 * y.size and levels.size > 1 else 0.0
-    found = []
+    runs = []
     for first, after in zip(moved, np.append(moved[1:], y.size), strict=True):
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        # step by step, and one step in a few samples: so rounding hides the turn of a slow oscillation
+        # rounding can hide the turn of a slow oscillation: it then moves by single steps, every few samples
         crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
         enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
         if way > enough and last > SLOWED * way and not crept:
-            found.append((int(known[first]), int(known[after - 1])))
-    return found
+            runs.append((int(known[first]), int(known[after - 1])))
+    return runs
 
 
-def still_note(where: Sequence[str], y: Array, found: Sequence[tuple[int, int]]) -> str:
-    """Say where an output stands still."""
-    return first_few([f"{where[a]} to {where[b].split()[-1]} (y = {y[a]:.6g})" for a, b in found])
+def outlier_note(y: Array, where: Sequence[str]) -> str:
+    """Name outputs that a sensor may have made up; empty if there are none."""
+    notes = []
+    if (wild := far_off(y)).size:
+        notes.append(f"far from its neighbours: {_first_few([f'{where[k]} (y = {y[k]:.6g})' for k in wild])}")
+    if still := standing_still(y):
+        runs = _first_few([f"{where[a]} to {where[b].split()[-1]} (y = {y[a]:.6g})" for a, b in still])
+        notes.append(
+            f"the output stands still, to the last digit, in {runs}: the end of the sensor's range, a lost sensor, or "
+            "a plant that has stopped"
+        )
+    return "; ".join(notes)
 
 
-def named(where: Sequence[str], y: Array, found: Places) -> str:
-    return first_few([f"{where[k]} (y = {y[k]:.6g})" for k in found])
+def drop_outliers(y: Array, where: Sequence[str]) -> list[str]:
+    """Replace outputs that a sensor may have made up by nan, and return the doubt that names them."""
+    note, still = outlier_note(y, where), standing_still(y)
+    y[far_off(y)] = np.nan
+    for first, last in still:
+        y[first : last + 1] = np.nan
+    return [doubt("left out", note=note)] if note else []
 
 
-def first_few(entries: Sequence[str]) -> str:
-    """List the first entries, and say how many more there are."""
-    return ", ".join(entries[:LISTED]) + (
-        f" and {len(entries) - LISTED} more" if len(entries) > LISTED else ""
-    )
+def _first_few(entries: Sequence[str]) -> str:
+    """List the first entries and count the others."""
+    further = f" and {len(entries) - LISTED} more" if len(entries) > LISTED else ""
+    return ", ".join(entries[:LISTED]) + further
 
 
-CREEP = 0.1  # share of the input's span by which a level may move and still be one
-SHORTEST_LEVEL = 4  # samples that a level of the input takes at least
+CREEP = 0.1  # share of the input's span by which a level may move
+SHORTEST_LEVEL = 4  # least samples of a level of the input
 MANY = 12  # levels of the input, in steps of a hundredth of its span
-FOLLOWS = 0.98  # share of the movement of the input that the output explains, from which it follows
+FOLLOWS = 0.98  # share of the movement of an input that the output explains if the input follows it
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
@@ -223,8 +236,8 @@ class Step(NamedTuple):
 
 
 def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
-    """Changes of the input between levels that last; a ramp over a few samples is one change, at its middle."""
-    # before the record the input was at rest for long enough to be a level
+    """Find changes of the input between lasting levels. A ramp over a few samples is one change, at its middle."""
+    # the input before the record counts as a level
     t, u = np.append(np.full(SHORTEST_LEVEL, t[0]), t), np.append(np.full(SHORTEST_LEVEL, before), u)
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
@@ -234,23 +247,21 @@ def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
         for a, b in zip(edges[::2], edges[1::2], strict=True)
         if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
     ]
-    if not runs or sum(b - max(a, SHORTEST_LEVEL) for a, b in runs if b > SHORTEST_LEVEL) < 0.7 * (
-        t.size - SHORTEST_LEVEL - 1
-    ):
+    resting = sum(b - max(a, SHORTEST_LEVEL) for a, b in runs if b > SHORTEST_LEVEL)
+    if not runs or resting < 0.7 * (t.size - SHORTEST_LEVEL - 1):
         return ()
     levels = [float(np.median(u[a : b + 1])) for a, b in runs]
-    found = []
+    steps = []
     for (_, left), (right, _), low, high in zip(runs, runs[1:], levels, levels[1:], strict=False):
         if abs(high - low) > 0.05 * span:
             # a jump between two samples happens at the later one, from which the new value is held
-            middle = 0.5 * (low + high)
-            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - low) >= np.abs(middle - low)))
-            found.append(Step(float(t[crossed]), low, high))
-    return tuple(found)
+            crossed = left + int(np.argmax(np.abs(u[left : right + 1] - low) >= 0.5 * np.abs(high - low)))
+            steps.append(Step(float(t[crossed]), low, high))
+    return tuple(steps)
 
 
 def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> str:
-    """Name what was done to the input."""
+    """Name the kind of experiment."""
     levels = np.unique(np.round((u - u.min()) / (np.ptp(u) or 1.0), 2))
     if levels.size == 2 and (len(steps) > 3 or not steps):
         return "a binary test signal (PRBS)"
@@ -268,22 +279,22 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     peak = int(np.argmax(power))
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
-    # a controller at a constant set point: proportional and integral of the output, and nothing else. Where the
-    # input is the cause, a later output explains it better
+    # a controller at a constant set point makes the input of the output and its integral; if the input is the cause,
+    # a later output explains it better
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
     scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
 
-    def left(later: int) -> float:
-        seen = t.size - later
-        basis = np.column_stack([drift[:seen], scaled[later:]])
-        return float(np.mean((u[:seen] - basis @ np.linalg.lstsq(basis, u[:seen], rcond=None)[0]) ** 2))
+    def residual(later: int) -> float:
+        count = t.size - later
+        basis = np.column_stack([drift[:count], scaled[later:]])
+        return float(np.mean((u[:count] - basis @ np.linalg.lstsq(basis, u[:count], rcond=None)[0]) ** 2))
 
     lags = range(1, t.size // 4, t.size // 40 or 1)
-    if left(0) < min((1 - FOLLOWS) * float(np.mean(rest**2)), *map(left, lags)):
+    if residual(0) < min((1 - FOLLOWS) * float(np.mean(rest**2)), *map(residual, lags)):
         return FOLLOWER
     return MANY_LEVELS if steps else MOVING
 
 
-def described(steps: tuple[Step, ...]) -> str:
+def list_steps(steps: tuple[Step, ...]) -> str:
     """List the first steps in words."""
-    return first_few([f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps]) or "none"
+    return _first_few([f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps]) or "none"

@@ -1,4 +1,4 @@
-"""Read columns of a text file as numbers; an error names the row and the remedy."""
+"""Read columns of a text file as numbers. An error names the row and the remedy."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,38 +19,48 @@ MISSING = {"", "-", "?", "nan", "na", "n/a", "#n/a", "null", "none", "unavailabl
 MISSING |= {"bad", "bad input", "no data", "i/o timeout"}
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 BRACKETS = " \t[]{}();'\""
-# how dates and times of day begin
+# the beginning of dates and times of day
 STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas after the thousands
 BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # or blanks
-# a number with a decimal comma: points stand after thousands, or it is another number
+# a number with a decimal comma; points must separate thousands
 WITH_COMMA = re.compile(r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-# after a number; blanks before it are taken off separately, which takes no longer for more of them
+# after a number; blanks before it are removed separately, which keeps the search linear
 SIGN = re.compile(r"(%|°\s{0,9}[CF]?)$")
 
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
 DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y", "%d-%b-%y", "")
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
-LONG_AGO = 1e8  # a number above it counts seconds since 1970
 DAY = 86400.0  # seconds
-# dates in finer units: as seconds since 1970 they would lie in the year 5138 and beyond
-FINE_DATES = ((1e17, 1e9, "nanoseconds"), (1e14, 1e6, "microseconds"), (1e11, 1e3, "milliseconds"))
-FINE_UNIT = re.compile(
-    r"(?:^|[\W_])(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h)\W*$", re.IGNORECASE
+# times above the first number count from 1970 in this unit: from 2001 on, and before the year 5138
+EPOCHS = (
+    (1e17, 1e9, "nanoseconds"),
+    (1e14, 1e6, "microseconds"),
+    (1e11, 1e3, "milliseconds"),
+    (1e9, 1.0, "s"),
+)
+UNIT = re.compile(
+    r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
+    re.IGNORECASE,
 )
 QUOTED = 60  # characters of the file in a message
-LOOKED_AT = 50  # lines from which the form of a file is told, and names of columns that a message has
+SAMPLE = 50  # lines from which the form of a file is recognised, and names of columns in a message
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters, columns
 
 
 class Columns(NamedTuple):
-    """Columns of a file: numbers, nan where a value is missing; the rows they came from; what was done on the way."""
+    """Columns of a file as numbers, nan where a value is missing.
+
+    `rows` are their rows in the file. `time_unit` and `date` (of the first sample) are empty if unknown.
+    """
 
     values: tuple[Array, ...]
     rows: Array
     names: tuple[str, ...]
     doubts: tuple[str, ...]
+    time_unit: str = ""
+    date: str = ""
 
 
 def read_columns(
@@ -68,7 +79,7 @@ def read_columns(
     wanted : sequence of str or int
         Names in the header, or numbers of columns from 0.
     delimiter : str or None
-        Between the columns, as a regular expression if it is longer than a character; found out if None.
+        Between the columns, as a regular expression if longer than a character. None finds it out.
     skip : int
         Lines to leave out at the beginning.
     timed : bool
@@ -81,7 +92,7 @@ def read_columns(
     Raises
     ------
     ValueError
-        For a file without such columns, or with an entry that is neither a number nor a word for a missing one.
+        For a file without such columns, or an entry that is neither a number nor a word for a missing value.
     """
     try:
         re.compile(delimiter or "")
@@ -93,8 +104,8 @@ def read_columns(
     for row, line in enumerate(lines):
         if len(line) > LONGEST_ROW:
             raise ValueError(
-                f"{path.name}, row {row + 1 + skip}, has {len(line)} characters, and a line of a record at most "
-                f"{LONGEST_ROW}: is it a table of text with a line for each sample?"
+                f"{path.name}, row {row + 1 + skip}, has {len(line)} characters, allowed are at most {LONGEST_ROW}: "
+                "is it a table of text with a line for each sample?"
             )
     if not any(line.strip() for line in lines):
         raise ValueError(f"{path.name} is empty")
@@ -111,18 +122,17 @@ def read_columns(
             "those of time, input and output into a file of their own"
         )
     header, first = _header(lines, rows, wanted, mark, path)
-    width = max(map(len, [header, *rows[first : first + LOOKED_AT]]))
+    width = max(map(len, [header, *rows[first : first + SAMPLE]]))
     places = [_place(name, header, width, path) for name in wanted]
     numbers = np.array([k for k in range(first, len(rows)) if any(rows[k])])
     entries = [[rows[k][place] if place < len(rows[k]) else "" for k in numbers] for place in places]
     comma = mark != "," and _has_decimal_commas(entries)
     columns = [_numbers(column, comma) for column in entries]
-    if timed and 2 * columns[0][1].sum() > numbers.size:
-        columns[0] = _stamps(entries[0], columns[0], doubts)
+    names = tuple(header[place] if place < len(header) else "" for place in places)
+    time_unit = date = ""
     if timed:
-        title = header[places[0]] if places[0] < len(header) else ""
-        columns[0] = _in_seconds(columns[0], title, doubts)
-    if any(entry.lower() in STATES for column in entries for entry in column[:LOOKED_AT]):
+        columns[0], time_unit, date = _clock(entries[0], columns[0], names[0], doubts)
+    if any(entry.lower() in STATES for column in entries for entry in column[:SAMPLE]):
         doubts.append("true or on was read as 1, false or off as 0")
     good = ~np.any([wrong for _, wrong in columns], axis=0)
     end = int(np.flatnonzero(good)[-1]) + 1 if good.any() else numbers.size
@@ -138,18 +148,16 @@ def read_columns(
             if again > k + 1:
                 raise ValueError(
                     f"{where}: words, such as {column[k][:QUOTED]!r}, and numbers again from row "
-                    f"{numbers[again] + 1 + skip} on: several traces lie one below the other; put them side by side, "
-                    "with one column of times, or cut out the part that has time, input and output"
+                    f"{numbers[again] + 1 + skip} on. The file holds several traces one below the other: put them "
+                    "side by side, with one column of times, or cut out the part that has time, input and output"
                 )
             kind = "a number or a date" if timed and column is entries[0] else "a number"
             raise ValueError(
                 f"{where}, column {name!r}: expected {kind}{' with a decimal comma' * comma}, found "
                 f"{column[k][:QUOTED]!r}; correct it, or leave it empty if the value is missing"
             )
-    names = tuple(header[place] if place < len(header) else "" for place in places)
-    return Columns(
-        tuple(values[:end] for values, _ in columns), numbers[:end] + 1 + skip, names, tuple(doubts)
-    )
+    values = tuple(values[:end] for values, _ in columns)
+    return Columns(values, numbers[:end] + 1 + skip, names, tuple(doubts), time_unit, date)
 
 
 def _lines(path: Path) -> list[str]:
@@ -162,13 +170,12 @@ def _lines(path: Path) -> list[str]:
 
 
 def _split(line: str, mark: str) -> list[str]:
-    """Return the entries of a line without blanks around them; a quote that is not closed ends with its line."""
+    """Return the entries of a line, stripped. A quote that is not closed ends with its line."""
     if mark == r"\s+":
         line = line.strip()
         # brackets of an exported matrix stand apart from its numbers
-        return (line.strip(BRACKETS) if line[:1] in "[({" or line[-1:] in "])};" else line).split(
-            None, MOST_COLUMNS
-        )
+        bracketed = line[:1] in "[({" or line[-1:] in "])};"
+        return (line.strip(BRACKETS) if bracketed else line).split(None, MOST_COLUMNS)
     if len(mark) > 1:
         return [entry.strip() for entry in re.split(mark, line.strip(), maxsplit=MOST_COLUMNS)]
     if '"' in line:
@@ -177,7 +184,7 @@ def _split(line: str, mark: str) -> list[str]:
 
 
 def bare(entry: str) -> str:
-    """Return an entry without blanks and brackets around it and a sign of per cent or degrees."""
+    """Return an entry without blanks, brackets, and a sign of per cent or degrees."""
     return SIGN.sub("", entry.strip(BRACKETS)).rstrip()
 
 
@@ -212,7 +219,7 @@ def is_value(entry: str) -> bool:
 
 
 def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
-    """Return entries as numbers, nan where one is missing, and where there is neither a number nor a word for none."""
+    """Return entries as numbers, nan where missing, and True where an entry is not valid."""
     values, wrong = np.full(len(entries), np.nan), np.zeros(len(entries), dtype=bool)
     for k, entry in enumerate(entries):
         values[k] = number(entry, comma)
@@ -221,46 +228,39 @@ def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
 
 
 def _numbered(lines: Sequence[str], mark: str) -> float:
-    """Return how well a delimiter serves: columns of numbers at the end of the file, times their share of all."""
-    rows = [_split(line, mark) for line in [line for line in lines if line.strip()][-LOOKED_AT:]]
-    half = sorted(map(len, rows), reverse=True)[
-        len(rows) // 2
-    ]  # columns beyond are in half of the rows at most
-    served = [
-        k for k in range(half) if 2 * sum(k < len(row) and is_value(row[k]) for row in rows) > len(rows)
-    ]
-    return len(served) ** 2 / max(1, *map(len, rows))
+    """Return how well a delimiter divides the end of the file: columns of numbers, times their share of all."""
+    rows = [_split(line, mark) for line in [line for line in lines if line.strip()][-SAMPLE:]]
+    half = sorted(map(len, rows), reverse=True)[len(rows) // 2]  # further columns are in few rows
+    counts = [sum(k < len(row) and is_value(row[k]) for row in rows) for k in range(half)]
+    return sum(2 * count > len(rows) for count in counts) ** 2 / max(1, *map(len, rows))
 
 
 def _header(
     lines: Sequence[str], rows: Sequence[Sequence[str]], wanted: Sequence[str | int], mark: str, path: Path
 ) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
-    last = [row for row in rows if any(row)][-LOOKED_AT:]
-    columns = []  # entries that no row has are no column, though a missing value may be blank
+    last = [row for row in rows if any(row)][-SAMPLE:]
+    columns = []  # an entry that is blank in every row is not a column
     for k in range(max(map(len, last))):
         entries = [row[k] for row in last if k < len(row) and row[k]]
         if 2 * sum(map(is_value, entries)) > max(len(entries), 1):
             columns.append(k)
-    for index, row in enumerate(rows[:LOOKED_AT]):
+    for index, row in enumerate(rows[:SAMPLE]):
         filled = [row[k] for k in columns if k < len(row) and row[k]]
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(is_value, filled)):
-            above = [
-                _names(line, row, len(columns), mark)
-                for line, row in zip(lines, rows[:index], strict=False)
-                if any(row)
-            ]
-            # a row of units may follow that of the names
+            pairs = zip(lines, rows[:index], strict=False)
+            above = [_names(line, row, len(columns), mark) for line, row in pairs if any(row)]
+            # a row of units may follow the row of names
             named = [names for names in above if all(isinstance(x, int) or _places(x, names) for x in wanted)]
             return next(iter(reversed(named or above)), []), index
     raise ValueError(
-        f"{path.name} has no row of numbers in two columns or more among its first {LOOKED_AT} lines (columns divided "
+        f"{path.name} has no row of numbers in two columns or more among its first {SAMPLE} lines (columns divided "
         f"by {mark!r}); its first line is {' '.join(rows[0])[:QUOTED]!r}"
     )
 
 
 def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
-    """Return the names of a header, which may contain single blanks where blanks divide the columns."""
+    """Return the names of a header. They may contain single blanks, even if blanks divide the columns."""
     wide = re.split(r"\s{2,9}", line.strip()) if mark == r"\s+" else []
     return [name.strip('" ') for name in (wide if len(wide) == count else row)]
 
@@ -270,47 +270,59 @@ def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> in
     if places and (len(places) == 1 or name in header) and places[0] < width:
         return places[0]
     named = [repr(name[:QUOTED]) for name in header if name]
-    further = f" and {len(named) - LOOKED_AT} more" if len(named) > LOOKED_AT else ""
-    known = ", ".join(named[:LOOKED_AT]) + further or f"{width}, without names: give numbers from 0"
+    further = f" and {len(named) - SAMPLE} more" if len(named) > SAMPLE else ""
+    known = ", ".join(named[:SAMPLE]) + further or f"{width}, without names: give numbers from 0"
     raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
 
 
 def _places(name: str, header: Sequence[str]) -> list[int]:
-    """Return the columns of that name; where there is none, those that have it before a unit."""
-    return [k for k, known in enumerate(header) if known == name] or [
-        k for k, known in enumerate(header) if re.split(r"[\[(]", known)[0].strip().lower() == name.lower()
-    ]
+    """Return the columns of that name, or else those that have it before a unit."""
+    bare_names = [re.split(r"[\[(]", known)[0].strip().lower() for known in header]
+    exact = [k for k, known in enumerate(header) if known == name]
+    return exact or [k for k, known in enumerate(bare_names) if known == name.lower()]
 
 
 def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
-    """Return True if commas appear in the numbers and points in none; dates may have either."""
+    """Return True if some numbers have commas and none a decimal point. Dates may have either."""
     entries = [bare(x) for column in columns for x in column[:200]]
     entries = [entry for entry in entries if not math.isnan(_either(entry))]
-    return any("," in entry for entry in entries) and not any(
-        "." in entry and not GROUPED.fullmatch(entry.replace(".", ",")) for entry in entries
-    )
+    pointed = any("." in entry and not GROUPED.fullmatch(entry.replace(".", ",")) for entry in entries)
+    return not pointed and any("," in entry for entry in entries)
 
 
-def _in_seconds(column: tuple[Array, Array], name: str, doubts: list[str]) -> tuple[Array, Array]:
-    """Return times that count from 1970 in a finer unit in seconds; say in which unit others are, by their name."""
+def _clock(
+    entries: Sequence[str], column: tuple[Array, Array], title: str, doubts: list[str]
+) -> tuple[tuple[Array, Array], str, str]:
+    """Return the times, from their numbers or dates; their unit; and the date of the first one."""
     times, wrong = column
-    latest = float(np.nanmax(times, initial=0.0))
-    for beyond, share, unit in FINE_DATES:
-        if latest > beyond:
-            doubts.append(f"the times are {unit} since 1970: they were read as seconds")
-            return (times - np.nanmin(times)) / share, wrong
-    if named := FINE_UNIT.search(name):
+    if 2 * wrong.sum() > wrong.size:
+        return _stamps(entries, column, doubts)
+    named = UNIT.search(title)
+    unit = (named[1] and "s") or named[2] if named else ""
+    first, last = float(np.nanmin(times, initial=math.inf)), float(np.nanmax(times, initial=-math.inf))
+    for beyond, share, word in EPOCHS:
+        if last > beyond and (share > 1 or (unit in ("", "s") and first > beyond)):
+            if share > 1:
+                doubts.append(f"the times are {word} since 1970: they were read as seconds")
+            return (
+                ((times - first) / share, wrong),
+                "s",
+                f"{datetime.fromtimestamp(first / share, UTC):%Y-%m-%d %H:%M}",
+            )
+    if unit not in ("", "s"):
         doubts.append(
-            f"the times are in {named[1]}, by the name of their column, and so is every other time, the sample time too"
+            f"the times are in {unit}, by the name of their column, and so is every other time, the sample time too"
         )
-    return column
+    return column, unit, ""
 
 
-def _stamps(column: Sequence[str], plain: tuple[Array, Array], doubts: list[str]) -> tuple[Array, Array]:
-    """Return a column of dates or times of day in seconds since the earliest.
+def _stamps(
+    column: Sequence[str], plain: tuple[Array, Array], doubts: list[str]
+) -> tuple[tuple[Array, Array], str, str]:
+    """Return a column of dates or times of day in seconds since the earliest, their unit, and the first date.
 
-    Of the ways to write them the one counts that reads the most and, of these, makes the least span: day and month may
-    be either way around, and a record that runs past midnight tells.
+    The format counts that reads the most entries and, of these, makes the least span. So a record that runs past
+    midnight shows which of two numbers is the day.
     """
     import pandas as pd
 
@@ -321,15 +333,17 @@ def _stamps(column: Sequence[str], plain: tuple[Array, Array], doubts: list[str]
     def read(form: str, text: pd.Series) -> pd.Series:
         return pd.to_datetime(text, format=form, errors="coerce", utc=True)
 
-    sample = text[plain[1]].head(LOOKED_AT)
+    sample = text[plain[1]].head(SAMPLE)
     counts = {form: int(read(form, sample).notna().sum()) for form in STAMPS}
     readings = [read(form, text) for form in STAMPS if counts[form] == max(counts.values())]
     best = max(readings, key=lambda times: (times.notna().sum(), times.min() - times.max()))
     if best.notna().sum() == 0:
-        return plain
+        return plain, "", ""
     seconds = (best - best.min()).dt.total_seconds().to_numpy(dtype=float, copy=True)
+    dated = best.max().year != 1900
     midnights = np.cumsum(np.diff(seconds, prepend=seconds[0]) < -DAY / 2)
-    if best.max().year == 1900 and midnights[-1]:  # no date
+    if not dated and midnights[-1]:
         doubts.append(f"the time of day passes midnight {midnights[-1]} time(s): days were added")
         seconds += DAY * midnights - np.nanmin(seconds + DAY * midnights)
-    return seconds, np.isnan(seconds) & plain[1]
+    wrong = np.isnan(seconds) & plain[1]
+    return (seconds, wrong), "s", f"{best.min():%Y-%m-%d %H:%M}" if dated else ""
