@@ -211,25 +211,12 @@ def test_the_cancelled_lags_are_those_of_the_rule(page):
     assert [near[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
 
 
-def test_the_digital_loop_is_that_of_the_library(page):
-    data = BY_LABEL["task-6-1"].data
-    (ms,) = page.facts(data, data["key"], "ms")
-    digital = controller_of(data["loop"]).discretise(data["key"]["h"])
-    assert ms == pytest.approx(
-        pidalab.margins(pidalab.Loop(pidalab.lags(3, delay=1.0), digital)).ms, rel=1e-9
-    )
-
-
-def test_the_tracking_time_does_in_the_library_what_it_does_in_the_page(page):
-    data = BY_LABEL["task-5-2"].data
-    for time_ in (data["key"]["Tt"], 5.486):
-        overshoot, iae = page.facts(data, {"Tt": time_}, "overshoot", "iaeSetpoint")
-        K = controller_of(data["loop"]).discretise(
-            0.01, limits=(-0.1, 0.1), anti_windup="back-calculation", tracking_time=time_
-        )
-        loop = pidalab.Loop(plant_of(data["plant"], {}), K)
-        run = pidalab.simulate_sampled(loop, 0.01 * np.arange(3001), 1.0)
-        assert [overshoot, iae] == pytest.approx([run.overshoot(), run.iae()], rel=1e-6, abs=1e-6)
+def test_sampled_and_limited_loops_have_the_facts_of_the_library(page):
+    for label, given in (("task-6-1", {"h": 0.2}), ("task-5-2", {"Tt": 1.5}), ("task-5-2", {"Tt": 5.486})):
+        data = BY_LABEL[label].data
+        names = list(data["limits"])
+        true = [fact(data, {**data["loop"], **given}, given, name, None) for name in names]
+        assert page.facts(data, given, *names) == pytest.approx(true, rel=1e-6, abs=1e-6)
 
 
 def test_three_ways_at_the_limit_come_in_the_order_of_the_library(page):
@@ -254,29 +241,20 @@ def test_the_magnitude_optimum_breaks_where_the_library_says(page):
 
 @named([task for task in TASKS if "saving" in task.data.get("limits", {})])
 def test_what_a_search_finds_the_library_finds(page, task):
-    data = task.data
-    asked = {**data, **data["key"]}
-    plant = plant_of(data["plant"], data["key"])
-    scale = pidalab.noise_scale(plant)
-    limits = {"noise_gain": asked["noise"] * scale.gain, "sample_time": scale.sample_time}
-    best = [pidalab.optimal.load(plant, order, ms=asked["ms"], **limits).iae for order in (1, 2)]
-    (saving,) = page.facts(data, data["key"], "saving")
-    assert saving == pytest.approx(1 - best[1] / best[0], abs=0.005)
+    asked = {**task.data, **task.data["key"]}
+    plant = plant_of(asked["plant"], asked["key"])
+    pid, pida = (optimum(plant, order, asked["ms"], asked["noise"]) for order in (1, 2))
+    (saving,) = page.facts(task.data, asked["key"], "saving")
+    assert saving == pytest.approx(1 - pida / pid, abs=0.005)
 
 
 @named([BY_LABEL["task-3-2"], BY_LABEL["task-lab-4"]])
 def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
     data = task.data
-    fact = next(name for name in data["limits"] if name.endswith("iae"))
+    limits = {name.split(".")[-1]: limit for name, limit in data["limits"].items()}
     plant = plant_of(data["plants"]["B"] if "plants" in data else data["plant"], {})
-    ms, noise = (
-        next(x for name, x in data["limits"].items() if name.endswith(end)) for end in ("ms", "noise")
-    )
-    scale = pidalab.noise_scale(plant)
-    best = pidalab.optimal.load(
-        plant, 2, ms=ms, noise_gain=noise * scale.gain, sample_time=scale.sample_time
-    ).iae
-    assert data["limits"][fact] == pytest.approx(1.1 * best, rel=2e-3)
+    best = optimum(plant, 2, limits["ms"], limits["noise"])
+    assert limits["iae"] == pytest.approx(1.1 * best, rel=2e-3)
 
 
 # --- and a bad one is caught -----------------------------------------------------------------------------------------
