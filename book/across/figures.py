@@ -1,4 +1,4 @@
-"""Figures of the pages across the papers: they draw the tables that they are given."""
+"""Draw the figures of the pages across the papers from tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HATCHES = {"PI": "", "PID": "//", "PIDA": "xx"}
 
 
 def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = True) -> None:
-    """One line for each group of rows: from the lowest to the highest tenth, the median marked by its kind."""
+    """Draw a line for each group of rows, from the lowest to the highest tenth, and mark the median by its kind."""
     labels = list(groups)
     figure, ax = plt.subplots(figsize=(6.4, 0.9 + 0.25 * len(labels)))
     for place, rows in enumerate(groups.values()):
@@ -45,20 +45,27 @@ def plain(ax: Axes) -> None:
 
 
 def over_rolloff(table: pd.DataFrame, terms: tuple[str, ...] = ("quiet", "loud")) -> None:
-    """What acceleration saves, over how steeply the plant's gain falls where its phase is -180 degrees."""
+    """Draw what acceleration saves over how steeply the plant's gain falls where its phase is -180 degrees."""
     _, ax = plt.subplots(figsize=(6.4, 3.6))
     for term, mark in zip(terms, ("o", "D"), strict=True):
         rows = table[table["terms"] == term]
-        ax.plot(rows["rolloff"], 100 * rows["saves"], mark, markersize=4, label=term, alpha=0.8)
+        ax.plot(
+            rows["rolloff"],
+            100 * rows["saves"],
+            mark,
+            markersize=4,
+            label=f"{term}, {tables.NOISE[term]:g}",
+            alpha=0.8,
+        )
     ax.set(
         xlabel="roll-off of the plant at its ultimate frequency (order)",
         ylabel="IAE saved by acceleration (%)",
     )
-    ax.legend(title="noise")
+    ax.legend(title="relative noise gain")
 
 
 def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
-    """What one more derivative saves of the least IAE, over the allowed noise: a panel for each plant."""
+    """Draw what one more derivative saves of the least IAE over the allowed noise, a panel for each plant."""
     rows = -(-len(names) // 2)
     figure, axes = plt.subplots(
         rows, 2, figsize=(6.4, 0.5 + 1.9 * rows), sharex=True, sharey=True, squeeze=False
@@ -72,13 +79,13 @@ def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
         ax.set_xticks([0.1, 0.3, 1, 3], ["0.1", "0.3", "1", "3"], minor=False)
         ax.set_xticks([], minor=True)
         ax.set_title(name)
-    figure.supxlabel("allowed noise gain over the ultimate gain")
+    figure.supxlabel("allowed relative noise gain")
     figure.supylabel("IAE saved by one derivative more (%)")
     plots.legend(figure, ncols=2)
 
 
 def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
-    """Share of the IAE that acceleration saves, in per cent: a panel for each family, noise to the right."""
+    """Draw the share of the IAE that acceleration saves, a panel for each family, noise to the right."""
     count = -(-len(tables) // 2)
     figure, axes = plt.subplots(count, 2, figsize=(6.4, 0.6 + 2.3 * count), squeeze=False)
     for ax, (title, table) in zip(axes.flat, tables.items(), strict=False):
@@ -101,13 +108,13 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
         ax.grid(visible=False)
     for ax in axes.flat[len(tables) :]:
         ax.set_visible(False)
-    figure.supxlabel("allowed noise gain over the ultimate gain")
+    figure.supxlabel("allowed relative noise gain")
     figure.supylabel(rows)
     figure.colorbar(image, ax=axes, label="IAE saved (%)", shrink=0.7)
 
 
 def chart(table: pd.DataFrame) -> None:
-    """How many plants take each kind of controller, over their roll-off: a panel for quiet and one for loud noise."""
+    """Draw how many plants take each kind of controller over their roll-off, for quiet and for loud noise."""
     edges = np.arange(0.0, 2.51, 0.25)
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.6), sharex=True, sharey=True)
     for ax, (terms, limit) in zip(axes, tables.NOISE.items(), strict=True):
@@ -121,7 +128,7 @@ def chart(table: pd.DataFrame) -> None:
             look = {"color": LOOKS[kind]["color"], "hatch": hatch, "edgecolor": "#ffffff", "linewidth": 0.5}
             ax.bar(edges[:-1], count, np.diff(edges), below, align="edge", label=kind, **look)
             below += count
-        ax.set_title(f"noise {terms}: a noise gain of {limit:g} ultimate gains")
+        ax.set_title(f"{terms} noise: a relative noise gain of {limit:g}")
         ax.set_ylabel("plants")
         ax.grid(axis="x", visible=False)
     axes[1].set_xlabel("roll-off of the plant at its ultimate frequency (order)")

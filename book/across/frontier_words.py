@@ -72,7 +72,7 @@ def savings(ms: float = tables.MS) -> pd.DataFrame:
         most, (plant, noise) = saves.groupby(level="plant").max(), saves.idxmax()
         rows[KINDS[order]] = {
             "saves, median": f"{saves.median():.0%}",
-            "at most": f"{saves.max():.0%}: {plant}, noise gain {noise:g}",
+            "at most": f"{saves.max():.0%}: {plant}, noise {noise:g}",
             "a tenth on": f"{(most >= tables.WORTH).sum()} of {most.size} plants",
         }
     return pd.DataFrame(rows).T
@@ -123,6 +123,6 @@ def law() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     exceptions = pays[little | steep].sort_values("rolloff").round({"rolloff": 3, "most": 2})
     return (
         pd.DataFrame([fit], ["acceleration saves"]),
-        far.set_index("plant")[["noise_limit", "off"]].rename(columns={"noise_limit": "noise gain"}),
+        far.set_index("plant")[["noise_limit", "off"]].rename(columns={"noise_limit": "relative noise gain"}),
         exceptions.rename(columns={"rolloff": "roll-off", "most": "saves at most"}),
     )

@@ -16,7 +16,7 @@ from pidalab.comparison import benchmarking
 DATA = Path(__file__).parents[1] / "data"
 KINDS = ("PI", "PID", "PIDA")
 MS = 1.4  # of all that is compared at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # noise gain over ultimate gain
+NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gain
 WORTH = 0.1  # share of the IAE that a step from kind to kind must save, at equal Ms and noise, to pay
 NEAR = 1.2  # times the least IAE: a rule as good as the best for most purposes
 SERVES = 0.75  # share of a class of plants that a rule must serve to be recommended for it
@@ -144,7 +144,7 @@ def own_settings() -> pd.DataFrame:
         "plants": groups.size(),
         "Ms": groups["ms"].median(),
         "Ms, 9 of 10 below": groups["ms"].quantile(0.9),
-        "noise gain": groups["noise_gain"].median(),
+        "relative noise gain": groups["noise_gain"].median(),
         "unstable if wrong": groups["ms_worst"].apply(lambda x: np.isinf(x).sum()),
     }
     return spelled(pd.DataFrame(out))

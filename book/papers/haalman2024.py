@@ -30,7 +30,7 @@ noise = np.array([pidalab.uniform_noise(t, 0.1, seed) for seed in range(20)])
 
 
 def designs(book):
-    """Model, controller with the exact gain, controller with the printed gain, and filter of each loop."""
+    """Return model, controller with the exact gain, controller with the printed gain, and filter of each loop."""
     model, exact, used, F = {}, {}, {}, {}
     for case in cases:
         ex, kind, _ = case.split(".")
@@ -96,7 +96,7 @@ def draw(loop, ex, ms):
 
 
 def live_knob(model):
-    """Live figure: PIDA loops on the model for two values of Ms, each with a knob of its own."""
+    """Return a live figure: PIDA loops on the model for two values of Ms, each with a knob of its own."""
     labels = {"Ms, solid": 1.4, "Ms, dashed": 2.0}
     controllers = {}
     for ms in labels.values():
@@ -154,7 +154,7 @@ def refitted(models):
 
 
 def with_peak(loop, top, t):
-    """Step response whose u peaks at `top` by a prefilter 1/(T s + 1)²; without one if it peaks lower."""
+    """Return the step response whose u peaks at `top` by a prefilter 1/(T s + 1)²; without one if it peaks lower."""
 
     def run(T):
         blocks = loop.process, loop.controller, loop.output_filter

@@ -65,20 +65,24 @@ def run(case, until=200):
 
 
 def draw(ex, until, first):
-    """Draw Figs 2 to 4 with the control signal, which the paper does not show, below."""
+    """Draw Figs 2 to 4, and below them the control signal, whose first kick is cut off and written out."""
     figure, axes = plt.subplots(2, 2, figsize=(5.6, 4.4))
     for (y, u), test, end in zip(axes.T, TESTS, (first, until), strict=True):
         for method, label in LABELS.items():
             one = run((ex, method, test), until)
+            early = one.t <= end
             y.plot(*plots.thin(one.t, one.y, 120), label=label)
-            u.plot(*plots.thin(one.t[one.t <= end], one.u[one.t <= end], 120))
+            u.plot(*plots.thin(one.t[early], one.u[early], 120), label=label)
         y.set(xlim=(0, until), title=f"{test.replace('setpoint', 'set-point')} step")
         u.set(xlim=(0, end), xlabel="time units")
+    u = {method: run((ex, method, "setpoint"), until).u for method in LABELS}
+    first_pida, first_pids = u["proposed"][0], (u["itae2"][0], u["imc"][0])
+    kick = f"cut off: at first\nPIDA {first_pida:.0f}, then −{-u['proposed'].min():.0f}"
+    kick += "\nPIDs {:.0f} and {:.0f}".format(*first_pids)
+    place = {"ha": "right", "va": "top", "transform": axes[1, 0].transAxes}
+    axes[1, 0].text(1.0, 1.0, kick, **place)
     axes[0, 0].set_ylabel("output y")
-    axes[1, 0].set_ylabel("control u")
-    axes[1, 0].set_yscale("symlog", linthresh=10, linscale=2)
-    axes[1, 0].set_yticks([-1000, -100, 0, 100, 1000])
-    axes[1, 0].yaxis.set_major_formatter("{x:g}")
+    axes[1, 0].set(ylabel="control u", ylim=(-5, 15))
     plots.legend(figure)
 
 
@@ -113,7 +117,7 @@ def measured():
 
 
 def live_actuator():
-    """Live figure: Example 1 with a limit on u, PID and PIDA by the rules of the paper."""
+    """Return a live figure: Example 1 with a limit on u, PID and PIDA by the rules of the paper."""
     model, controllers = SECOND["ex1"].process, {}
     for kind, order in (("PID", 2), ("PIDA", 3)):
         gains = itae.tune(model, "setpoint", kind).controller.gains()

@@ -29,19 +29,19 @@ TANGENT = {"gain": 0.01, "delay": 5.56}  # what is identified, eq. (17)
 
 
 def equal_servo(m, ie):
-    """T_e on UNIT with which the IE after a set-point step is `ie`, eq. (15)."""
+    """Return T_e on UNIT with which the IE after a set-point step is `ie`, eq. (15)."""
     one, weights = mrdp.constants(m), mrdp.prefilter_weights(m, m + 1)
     return ie / ((1 - weights[0]) * one.integral_time) - 1
 
 
 def equal_load(m, ie):
-    """T_e on UNIT with which the IE after a load step, T_i/K_c, is `ie`."""
+    """Return T_e on UNIT with which the IE after a load step, T_i/K_c, is `ie`."""
     one = mrdp.constants(m)
     return np.sqrt(ie * one.gain / one.integral_time) - 1
 
 
 def noise_in_u(loop, samples=250):
-    """Standard deviation of u under white noise of 1, so many samples in a dead time."""
+    """Return the standard deviation of u under white noise of 1, so many samples in a dead time."""
     w = np.linspace(0.0, samples * np.pi, 10_001)[1:]
     return np.sqrt(np.mean(np.abs(loop.transfer("u", "n", 1j * w)) ** 2))
 
@@ -49,7 +49,7 @@ def noise_in_u(loop, samples=250):
 def thermal_plant(
     rise=30.0, fall=60.0, conduction=200.0, share=0.3, dip=0.05, lags=3, delay=0.1
 ):
-    """Twin of the thermal plant: from lamp power in % to K above ambient; times in s.
+    """Return a twin of the thermal plant: from lamp power in % to K above ambient; times in s.
 
     A body x follows the lamp w, T dx/dt = w - x, with T = `rise` where w > x and `fall`
     otherwise; y = K [(1 - share + share/(conduction s + 1)) x - dip w]/(T_l s + 1)^lags,
@@ -106,7 +106,7 @@ def measures(run, hold=200.0):
 
 
 def tried(designs, plant, hold=200.0):
-    """Runs of designs without protection and with clamping, and their overshoot and settling."""
+    """Return runs of designs without protection and with clamping, and their overshoot and settling."""
     runs, tables = {}, {}
     for (name, design), way in product(designs.items(), ("none", "clamping")):
         protection = None if way == "none" else way
@@ -118,7 +118,7 @@ def tried(designs, plant, hold=200.0):
 
 
 def drawn(runs):
-    """Temperature above lamp power of several runs, with their set point."""
+    """Draw the temperature above lamp power of several runs, with their set point."""
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.0), sharex=True)
     for name, run in runs.items():
         axes[0].plot(*plots.thin(run.t, run.y, 600), label=name)

@@ -21,12 +21,12 @@ SEARCHED = (0.1, 3.4, 0.85, 0.3)
 
 
 def plant(delay=1.0):
-    """The integrator with dead time, K_s = 1."""
+    """Return the integrator with dead time, K_s = 1."""
     return pidalab.ipdt(1.0, delay=delay)
 
 
 def design(setting, n=4, filter_time=0.2, **options):
-    """A controller for T_dp = 1 behind Q_n; by default n T_f = 0.8, so T_d = 1.8."""
+    """Return a controller for T_dp = 1 behind Q_n; by default n T_f = 0.8, so T_d = 1.8."""
     return ar.tune(plant(), setting, n=n, filter_time=filter_time, **options)
 
 
@@ -35,24 +35,24 @@ DESIGNS = {name: design(setting) for name, setting in ar.SETTINGS.items()}
 
 
 def label(name):
-    """A name as a figure writes it."""
+    """Return a name as a figure writes it."""
     return name.replace("_1", "$_1$").replace("_2", "$_2$")
 
 
 def limits(step, spare=SPARE):
-    """Limits that leave the actuator so much beyond what it needs at rest."""
+    """Return limits that leave the actuator so much beyond what it needs at rest."""
     return (-spare, spare) if step == "setpoint" else (-1.0 - spare, spare)
 
 
 def sampled(loop, step, bounds=None, end=60.0, h=T_S, **options):
-    """Response to a unit step of set point or load, by default between the limits of Paper Fig. 3."""
+    """Return the response to a unit step of set point or load, by default between the limits of Paper Fig. 3."""
     given = {"setpoint": 0.0, "load": 0.0, "limits": bounds or limits(step)} | options
     t = h * np.arange(round(end / h) + 1)
     return pidalab.simulate_sampled(loop, t, **given | {step: 1.0})
 
 
 def runs(names=DESIGNS, bounds=None):
-    """Responses of the paper's controllers by name and step; PI takes 300 time units."""
+    """Return the responses of the paper's controllers by name and step; PI takes 300 time units."""
     found = {}
     for name, step in product(names, STEPS):
         end = 300.0 if name == "PI" else 60.0
@@ -61,7 +61,7 @@ def runs(names=DESIGNS, bounds=None):
 
 
 def excess(response, step):
-    """What y and u move beyond their ideal shapes: a monotonic step, or one pulse as in (24)."""
+    """Return what y and u move beyond their ideal shapes: a monotonic step, or one pulse as in (24)."""
     if step == "setpoint":
         found = response.tv("y", final=1.0) - 1.0, response.tv1("u", final=0.0)
     else:
@@ -70,7 +70,7 @@ def excess(response, step):
 
 
 def shapes(runs, *names):
-    """Excess of y and u, with the change of the signal that it is measured against, for both steps."""
+    """Return the excess of y and u, with the change of the signal that it is measured against, for both steps."""
     found = {}
     for name, step in product(names, STEPS):
         r = runs[name, step]
@@ -84,17 +84,17 @@ def shapes(runs, *names):
 
 
 def beyond(response, step):
-    """Overshoot of the set point, or undershoot after the load, in units of y; not below 0."""
+    """Return the overshoot of the set point, or undershoot after the load, in units of y; not below 0."""
     return max(0.0, response.y.max() - 1.0 if step == "setpoint" else -response.y.min())
 
 
 def point(setting):
-    """A setting as a point (kappa, tau_D, tau_A, tau_i) of the portrait."""
+    """Return a setting as a point (kappa, tau_D, tau_A, tau_i) of the portrait."""
     return np.array([setting.kp, *setting.times, setting.ti])
 
 
 def setting_at(spot):
-    """A point of the portrait as a setting."""
+    """Return a point of the portrait as a setting."""
     kappa, td, ta, ti = map(float, spot)
     return ar.Setting("portrait", "portrait", 0.5, kappa, kappa * td, kappa * ta, ti)
 
@@ -102,7 +102,7 @@ def setting_at(spot):
 def portrait(
     points, step="load", h=T_S, delay=1.0, end=60.0, spare=SPARE, n=4, filter_time=0.2
 ):
-    """Portrait of settings (kappa, tau_D, tau_A, tau_i), each with its prefilter (20)."""
+    """Return the portrait of settings (kappa, tau_D, tau_A, tau_i), each with its prefilter (20)."""
     kappa, td, ta, ti = np.moveaxis(np.asarray(points, float), -1, 0)
     held = pidalab.SeriesPIDA(1.0, 1.0, 1.0, 1.0, filter_time, n)
     T = 1.0 + n * filter_time
@@ -114,14 +114,14 @@ def portrait(
 
 
 def worst(p, step="load"):
-    """The larger excess of y and u in a portrait: over one pulse, for y after the set point over a step."""
+    """Return the larger excess of y and u in a portrait: over one pulse, for y after the set point over a step."""
     of_y = p.tv1_y if step == "load" else p.tv_y + np.abs(1.0 - p.y_end) - 1.0
     return np.maximum(of_y, p.tv1_u)
 
 
 @dataclass(frozen=True)
 class Series(Controller):
-    """Stabilising controller of any degree, gains from the lowest power upwards, with automatic reset."""
+    """A stabilising controller of any degree, gains from the lowest power upwards, with automatic reset."""
 
     stabiliser: tuple[float, ...]
     ti: float
@@ -142,7 +142,7 @@ class Series(Controller):
 
 
 def higher(m, n, te=0.8, delay=1.0, real=False):
-    """Loop of PID^m of the multiple pole behind Q_n, T_f = te/n; its fastest zero is the reset.
+    """Return the loop of PID^m of the multiple pole behind Q_n, T_f = te/n; its fastest zero is the reset.
 
     If that is one of a complex pair, both become real first, as in (26) to (29); or with
     `real` the fastest real zero is taken instead.
@@ -164,7 +164,7 @@ def higher(m, n, te=0.8, delay=1.0, real=False):
 
 
 def behind(lag, filter_time):
-    """One lag behind the filter Q_4."""
+    """Return one lag behind the filter Q_4."""
     return pidalab.Process(
         [1.0], np.convolve(pidalab.lags(4, filter_time).den, [lag, 1.0])
     )
@@ -192,7 +192,7 @@ LID = np.where(CLOCK < 6000, 0.0, -6.0)  # V, a load as if a lid were opened
 
 
 def dryer_record(process, seed):
-    """Times, and a step to 12 V as a rise in K, with noise and resolution."""
+    """Return times, and a step to 12 V as a rise in K, with noise and resolution."""
     t = CLOCK[:6001]
     noise = pidalab.uniform_noise(t, 0.3, seed=seed)
     noise[0] = 0.0
@@ -217,7 +217,7 @@ def dryer_runs(process, filter_time, gain, delay):
 
 
 def draw_dryer(process, filter_time, gain, delay):
-    """A step to 12 V with its model, as Fig. 5; heating and a load, as Fig. 6."""
+    """Draw a step to 12 V with its model, as Fig. 5; heating and a load, as Fig. 6."""
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.8))
     (first, *views), spans = axes.flat, ((0, 10000), (3400, 5000), (5900, 7400))
     t, y = dryer_record(process, seed=2024)

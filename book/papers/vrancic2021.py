@@ -31,7 +31,7 @@ REPEATED = "table4.n4", "table5.m3"  # the row of Table 3 for a noise gain of 10
 
 
 def designed(g: int, m: int, n: int, noise_gain: float) -> pidalab.Loop:
-    """Loop of a design of Tables 3 to 6: T_F begins at 0.1 and is corrected four times."""
+    """Return the loop of a design of Tables 3 to 6: T_F begins at 0.1 and is corrected four times."""
     design = mo.tune_for_noise(P[g], m, n, noise_gain, T_S, first=0.1, updates=4)
     return design.loop(P[g])
 
@@ -40,7 +40,7 @@ EXAMPLE_1 = tuple((g, m) for g in (1, 2) for m in (1, 2, 3))
 
 
 def example(g: int, m: int) -> pidalab.Loop:
-    """Loop of Table 2: n = m, T_F = 0.1."""
+    """Return the loop of Table 2: n = m, T_F = 0.1."""
     return mo.tune(P[g], m, m, 0.1).loop(P[g])
 
 
@@ -56,18 +56,18 @@ SHORT = {5: 0.01, 6: 0.005}  # T_F of cases 1 and 2
 
 
 def with_filter_47(gains: tuple[float, ...]) -> control.TransferFunction:
-    """Gains K_-1, K_0, ... with the filter of case 3."""
+    """Return a controller with the gains K_-1, K_0, ... and the filter of case 3."""
     return FILTER_47 * control.tf(gains[::-1], [1.0, 0.0])
 
 
 def gains_48() -> tuple[float, ...]:
-    """Gains of PID_2^2 for G_P7 with the filter of case 3."""
+    """Return the gains of PID_2^2 for G_P7 with the filter of case 3."""
     known = areas.from_process(P[7], 8)
     return tuple(mo.gains(areas.with_filter(known, FILTER_47), m=2).tolist())
 
 
 def contest(g: int) -> dict[str, pidalab.Loop]:
-    """Loops that Section 5 compares on G_P5, G_P6 or G_P7, the rival last."""
+    """Return the loops that Section 5 compares on G_P5, G_P6 or G_P7, the rival last."""
     if g == 7:
         found = {
             "PID₂²": with_filter_47(gains_48()),
@@ -92,7 +92,7 @@ def smooth(loop: pidalab.Loop, time: float, order: int = 2) -> pidalab.Loop:
 def ise(
     loop: pidalab.Loop, until: float, load_until: float, prefilter_time: float = 0.01
 ) -> dict[str, float]:
-    """ISE of r_f - y after a set-point step, and of y after a load step."""
+    """Return the ISE of r_f - y after a set-point step, and of y after a load step."""
     t = np.linspace(0, until, 40001)
     run = pidalab.step_response(smooth(loop, prefilter_time), t)
     wanted = pidalab.open_loop_step(pidalab.lags(2, lag=prefilter_time), t)
@@ -102,7 +102,7 @@ def ise(
 
 # %% Figures
 def both_steps(loop: pidalab.Loop, prefilter_time: float) -> pidalab.Response:
-    """A set-point step at 0 with the prefilter (9), and a load step at 15 s."""
+    """Simulate a set-point step at 0 with the prefilter (9), and a load step at 15 s."""
     t = T_S * np.arange(12501)
     load = np.where(t < 15.0, 0.0, 1.0)
     return pidalab.simulate(smooth(loop, prefilter_time), t, setpoint=1.0, load=load)
@@ -115,7 +115,7 @@ def draw(
     noise: float = 0.0,
     spans: tuple[tuple[float, float], ...] | None = None,
 ) -> Figure:
-    """Outputs above control signals of `both_steps`, a column for each title, over a span each.
+    """Draw outputs above control signals of `both_steps`, a column for each title, over a span each.
 
     Bands show two standard deviations of u, for white noise with the given one.
     """
@@ -144,14 +144,15 @@ def draw(
 
 
 def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
-    """Both steps of the rows of a table, enlarged, with noise of 0.01."""
-    loops = {WORDS[f"{number}.{row}"]: loop for row, loop in rows.items()}
+    """Draw both steps of the rows of a table, enlarged, with noise of 0.01."""
+    words = {row: WORDS[f"{number}.{row}"].replace("K_HF", "$K_{HF}$") for row in rows}
+    loops = {words[row]: loop for row, loop in rows.items()}
     columns, spans = {"set-point step": loops, "load step": loops}, ((0, 5), (15, 20))
     return draw(columns, noise=0.01, spans=spans)
 
 
 def draw_contest(g: int, u_until: float) -> Figure:
-    """Output left, control right; set-point step above load step."""
+    """Draw the output left, the control signal right; set-point step above load step."""
     t, loops = np.linspace(0, 4, 8001), contest(g)
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.0))
     step = {x: pidalab.step_response(smooth(C, 0.01), t) for x, C in loops.items()}
@@ -171,18 +172,18 @@ def draw_contest(g: int, u_until: float) -> Figure:
 
 # %% Names
 def label(m: int, n: int) -> str:
-    """PID with m derivatives and a filter of order n, as a table or a figure shows it."""
+    """Return PID with m derivatives and a filter of order n as tables and figures write it."""
     return f"PID{'₀₁₂₃₄₅₆'[n]}{'⁰¹²³⁴'[m]}"
 
 
 def title(key: str) -> str:
-    """Row of Tables 3 to 6, as a table or a figure shows it."""
+    """Return a row of Tables 3 to 6 as tables and figures write it."""
     _, m, n, noise_gain = CASES[key]
     return f"{label(m, n)}, noise gain {noise_gain}"
 
 
 def plant(g: int) -> str:
-    """Name of a process, as a table shows it."""
+    """Return the name of a process as tables write it."""
     return f"Gₚ{'₁₂₃₄₅₆₇'[g - 1]}"
 
 

@@ -11,7 +11,7 @@ from engine import SCRIPT, Engine, asked
 
 import pidalab
 from pidalab.robustness.in_z import sampled_plant
-from pidalab.rules import automatic_reset, classical, itae, mrdp
+from pidalab.rules import automatic_reset, classical, itae, magnitude_optimum, mrdp
 
 RULE = """pidalabEngine.rule = ({rule, process, design, knob}) =>
     pidalabModel.RULES[rule].apply(process, design, knob);"""
@@ -117,14 +117,6 @@ PLANTS = [
 ]
 
 
-@pytest.mark.parametrize("kind", ["PI", "PID"])
-@pytest.mark.parametrize("process", PLANTS, ids=repr)
-def test_simc(process, kind, model):
-    found = ruled(model, "simc", process, 0.7, kind=kind)
-    true = classical.simc(process, kind=kind, closed_loop_time=0.7).controller
-    assert [found[key] for key in ("kp", "ti", "td")] == pytest.approx([true.kp, true.ti, true.td], rel=1e-8)
-
-
 @pytest.mark.parametrize("ms", [1.2, 1.4, 2.0])
 @pytest.mark.parametrize(("kind", "times"), [("PI", (3, 0, 0)), ("PID", (3, 0.9, 0)), ("PIDA", (3, 1, 0.3))])
 def test_the_gain_has_the_ms_asked_for_and_is_the_largest(kind, times, ms, model):
@@ -153,45 +145,40 @@ def test_cancellation_has_the_zeros_of_the_library(model):
     assert found["kp"] == pytest.approx(true.kp, rel=0.05)
 
 
-@pytest.mark.parametrize("kind", ["PI", "PID", "PIDA"])
-@pytest.mark.parametrize("process", [*PLANTS[:2], pidalab.lags(3, delay=1.0)], ids=repr)
-def test_magnitude_optimum_is_that_of_the_library(kind, process, model):
-    m = {"PI": 0, "PID": 1, "PIDA": 2}[kind]
-    found = ruled(model, "magnitude", process, None, kind=kind, filterTime=0.2, filterOrder=m + 1)
-    true = pidalab.rules.magnitude_optimum.tune(process, m=m, n=m + 1, filter_time=0.2).controller
-    assert loop_of(process, found).controller.coefficients == pytest.approx(true.coefficients, rel=1e-6)
+INTEGRATOR, THREE_LAGS = pidalab.ipdt(0.5, delay=2.0), pidalab.lags(3, delay=1.0)
+RESETS = {"PI": automatic_reset.PI, "PID": automatic_reset.PID, "PIDA": automatic_reset.PIDA_1}
+SECOND = [pidalab.sopdt(2.0, 3.0, xi, 3.0 * r) for xi, r in ((0.4, 0.3), (0.8, 0.8), (1.0, 1.5), (1.7, 0.2))]
 
 
-INTEGRATOR = pidalab.ipdt(0.5, delay=2.0)
-
-
-@pytest.mark.parametrize("m", [0, 1, 2])
-def test_the_multiple_pole_is_that_of_the_library(m, model):
-    found = ruled(model, "multiple", INTEGRATOR, None, kind=KINDS[m], filterTime=0.3, filterOrder=4)
-    true = mrdp.tune(INTEGRATOR, m, 4, 0.3 / mrdp.filter_ratio(m, 4)).controller
-    assert loop_of(INTEGRATOR, found).controller.coefficients == pytest.approx(true.coefficients, rel=1e-9)
+def of_library(rule, process, kind):
+    """Return the controller of the library for a rule of the page, behind the filter that `test_rules` gives it."""
+    m = KINDS.index(kind)
+    if rule == "simc":
+        return classical.simc(process, kind=kind, closed_loop_time=0.7).controller
+    if rule == "magnitude":
+        return magnitude_optimum.tune(process, m=m, n=4, filter_time=0.3).controller
+    if rule == "multiple":
+        return mrdp.tune(process, m, 4, 0.3 / mrdp.filter_ratio(m, 4)).controller
+    if rule == "reset":
+        return automatic_reset.tune(process, RESETS[kind], 4, 0.3).controller
+    return itae.tune(process, rule.removeprefix("itae").lower(), kind).controller
 
 
 @pytest.mark.parametrize(
-    "setting", [automatic_reset.PI, automatic_reset.PID, automatic_reset.PIDA_1], ids=str
+    ("rule", "process", "kind"),
+    [
+        *product(["simc"], PLANTS, KINDS[:2]),
+        *product(["magnitude"], [*PLANTS[:2], THREE_LAGS], KINDS),
+        *product(["multiple", "reset"], [INTEGRATOR], KINDS),
+        *product(["itaeSetpoint", "itaeLoad"], SECOND, KINDS[1:]),
+    ],
+    ids=repr,
 )
-def test_the_automatic_reset_is_that_of_the_library(setting, model):
-    kind = setting.name.removesuffix("_1")
-    found = ruled(model, "reset", INTEGRATOR, None, kind=kind, filterTime=0.3, filterOrder=4)
-    true = automatic_reset.tune(INTEGRATOR, setting, 4, 0.3).controller.gains()
-    gains = loop_of(INTEGRATOR, found).controller.coefficients
-    assert gains == pytest.approx(true[: len(gains)], rel=1e-9)
-
-
-@pytest.mark.parametrize("test", ["setpoint", "load"])
-@pytest.mark.parametrize("kind", ["PID", "PIDA"])
-@pytest.mark.parametrize(("damping", "ratio"), [(0.4, 0.3), (0.8, 0.8), (1.0, 1.5), (1.7, 0.2)])
-def test_least_itae_is_that_of_the_library(damping, ratio, kind, test, model):
-    process = pidalab.sopdt(2.0, 3.0, damping, 3.0 * ratio)
-    found = ruled(model, f"itae{test.capitalize()}", process, None, kind=kind)
-    true = itae.tune(process, test, kind).controller.gains()
+def test_rules_are_those_of_the_library(rule, process, kind, model):
+    found = ruled(model, rule, process, 0.7, kind=kind, filterTime=0.3, filterOrder=4)
     gains = loop_of(process, found).controller.coefficients
-    assert gains == pytest.approx(true[: len(gains)], rel=1e-9)
+    true = of_library(rule, process, kind).gains()
+    assert gains == pytest.approx(true[: len(gains)], rel=1e-6 if rule == "magnitude" else 1e-8)
 
 
 def test_least_itae_of_a_plant_of_more_lags_is_that_of_its_half_rule(model):

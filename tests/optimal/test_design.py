@@ -45,7 +45,7 @@ def test_the_valley_and_not_the_shelf_near_the_pid():
     assert pida.active == ("ms", "mks")
     assert pida.edge == ()
     assert pida.digits == 9
-    assert pida.valleys[0] == pytest.approx(pida.iae, rel=2e-3)
+    assert pida.valleys[0] == pida.iae
     assert any(other == pytest.approx(3.41, rel=0.02) for other in pida.valleys)  # the one near the PID
     response = pidalab.load_response(pida.loop(), np.linspace(0.0, 200.0, 8001))
     assert pida.iae == pytest.approx(response.iae(), rel=1e-6)
@@ -58,7 +58,7 @@ def test_valleys_are_the_iae_of_their_ends_in_any_unit_of_time(second):
     pid, pida = (pidalab.optimal.load(process, order, ms=1.4, mks=20.0) for order in (1, 2))
     assert pida.valleys == pytest.approx((pida.iae, pid.iae), rel=0.01)
     from_there = pidalab.optimal.load(process, 2, ms=1.4, mks=19.0, start=pida)
-    assert from_there.valleys == pytest.approx((from_there.iae,), rel=2e-3)
+    assert from_there.valleys == (from_there.iae,)
     assert from_there.valleys == pytest.approx((pida.iae,), rel=0.02)
 
 
@@ -320,9 +320,11 @@ def test_the_characteristic_function_is_followed_where_a_short_dead_time_turns_i
 
 
 def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_least():
-    assert _valleys([2.0, 1.0, 1.0099, 1.5, 1.514, 1.99, 2.5]) == (1.0, 1.5, 1.99)
-    assert _valleys([1.0, 1.0101]) == (1.0, 1.0101)
-    assert _valleys([3.0]) == (3.0,)
+    assert _valleys(1.0, [2.0, 1.0099, 1.5, 1.514, 1.99, 2.5]) == (1.0, 1.5, 1.99)
+    assert _valleys(1.0, [1.0101]) == (1.0, 1.0101)
+    assert _valleys(3.0, []) == (3.0,)
+    # a descent may end a little beyond a limit, below the best that keeps it
+    assert _valleys(3.0783, [3.0727, 3.6649, 3.6601]) == (3.0783, 3.6601)
 
 
 def test_an_optimum_meets_its_conditions():

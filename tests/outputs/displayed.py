@@ -2,19 +2,19 @@
 
 nbval proves that a page still computes what it shows, not that it is right. Each entry of `SHOWN` finds numbers in the
 stored outputs or sentences of a page, and computes them again without the library: by closed forms, on a dense grid of
-frequencies, by a Fourier series of the transform, or from the tables that studies wrote. Each entry of `SAME` finds
-two places that show the same quantity.
+frequencies, by a Fourier series of the transform, or from the tables that studies wrote. `drawn` does so for a row of
+such a table. Each entry of `SAME` finds two places that show the same quantity.
 """
 
 import csv
 import json
 import re
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
+from itertools import pairwise
 from math import e, pi, sqrt
 from pathlib import Path
 from statistics import median
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -26,14 +26,6 @@ BOOK = ROOT / "book"
 GRID = np.geomspace(1e-3, 300, 200_001)
 
 
-class Shown(NamedTuple):
-    """Numbers on a page, found by the groups of a pattern in its text."""
-
-    page: str
-    pattern: str
-    others: Callable[[], Sequence[float]] | None = None
-
-
 @cache
 def text_of(page: str) -> str:
     """Return sentences and text outputs of a page."""
@@ -42,15 +34,33 @@ def text_of(page: str) -> str:
         return path.read_text(encoding="utf-8")
     found = []
     for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
-        outputs = cell.get("outputs", [])
-        texts = [one.get("text") or one.get("data", {}).get("text/plain", "") for one in outputs]
-        found += ["".join(cell["source"]) if cell["cell_type"] == "markdown" else "", *map("".join, texts)]
+        found += ["".join(cell["source"])] if cell["cell_type"] == "markdown" else []
+        for output in cell.get("outputs", []):
+            data = output.get("data", {})
+            found += ["".join(output.get("text") or data.get("text/plain", ""))]
+            found += table_rows("".join(data.get("text/html", "")))
     return "\n".join(found)
 
 
-def numbers(shown: Shown, text: str | None = None) -> list[str]:
+def table_rows(html: str) -> list[str]:
+    """Return the rows of tables, their cells parted by bars; a label that spans rows stands in each."""
+    found, label, left = [], "", 0
+    for row in re.findall(r"<tr.*?</tr>", html, re.DOTALL):
+        cells = [
+            re.sub(r"<.*?>", "", one).strip() for one in re.findall(r"<t[hd].*?</t[hd]>", row, re.DOTALL)
+        ]
+        if span := re.search(r'rowspan="(\d+)"', row):
+            label, left = cells[0], int(span[1])
+        elif left:
+            cells = [label, *cells]
+        found.append(" | ".join(cells))
+        left -= left > 0
+    return found
+
+
+def numbers(page: str, pattern: str) -> list[str]:
     """Return the numbers of the first place that the pattern finds; none if there is no such place."""
-    found = re.search(shown.pattern, text_of(shown.page) if text is None else text)
+    found = re.search(pattern, text_of(page))
     return [one.replace("−", "-") for one in found.groups()] if found else []
 
 
@@ -120,9 +130,9 @@ def lecture_1() -> dict[str, tuple[float, float]]:
 
 
 def with_three_lags(kind: str) -> list[float]:
-    """Return gain, Ms and IAE of one of them."""
-    k, error, _ = lecture_1()[kind]
-    return [k, 1.4, error]
+    """Return gain, Ms and IAE of one of them, then 1/ki twice, since it is the IE, and the IAE."""
+    k, error, integral = lecture_1()[kind]
+    return [k, 1.4, error, 1 / integral, 1 / integral, error]
 
 
 def sampled_ms(h: float) -> float:
@@ -135,9 +145,9 @@ def sampled_ms(h: float) -> float:
     return largest(1 / np.abs(1 + plant * standard(1.416, 3.882, 1.199, 0.929, 0.378)(s)))
 
 
-def proportional_gain(wanted: float) -> float:
+def proportional_gain(wanted: float) -> list[float]:
     """Return the gain of the integrator with dead time that has this Ms."""
-    return brentq(lambda k: ms(lambda s: k, integrator) - wanted, 0.1, 1.2, xtol=1e-6)
+    return [brentq(lambda k: ms(lambda s: k, integrator) - wanted, 0.1, 1.2, xtol=1e-6)]
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -146,21 +156,135 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
-def saved(path: Path, noise: str, **chosen: str) -> list[float]:
-    """Return what PIDA saves of the IAE of PID in per cent, by plant, from the table of a study."""
-    rows = [
-        row for row in table(path) if row["noise_limit"] == noise and row["ms_limit"] == "1.4" and row["iae"]
-    ]
-    least = {(row["plant"], row["order"]): float(row["iae"]) for row in rows}
-    return [
-        100 - 100 * value / least[plant, "1"]
-        for (plant, order), value in least.items()
-        if order == "2" and (plant, "1") in least and plant == chosen.get("plant", plant)
-    ]
-
-
-OPTIMA = ROOT / "src" / "pidalab" / "comparison" / "tables" / "optima.csv"
+COMPARISON, OPTIMA, PROCESSES = (
+    ROOT / "src" / "pidalab" / "comparison" / "tables" / f"{name}.csv"
+    for name in ("comparison", "optima", "processes")
+)
 FRONTIER = BOOK / "data" / "frontier.csv"
+
+
+def plants(kept: Callable[[dict[str, str]], bool]) -> list[str]:
+    """Return the plants of the batch that are kept."""
+    return [
+        row["plant"] for row in table(PROCESSES) if row["family"] not in ("frontier", "map") and kept(row)
+    ]
+
+
+@cache
+def least(path: Path, ms: str = "1.4") -> dict[tuple[str, ...], float]:
+    """Return the least IAE by plant, noise and order, from the table of a study."""
+    rows = (row for row in table(path) if row["ms_limit"] == ms and row["iae"])
+    return {(row["plant"], row["noise_limit"], row["order"]): float(row["iae"]) for row in rows}
+
+
+def saved(
+    path: Path, noise: str = "", order: int = 2, ms: str = "1.4", of: Sequence[str] = ()
+) -> list[float]:
+    """Return what an order saves of the IAE of the one below, in per cent, for some plants or all."""
+    known = least(path, ms)
+    return [
+        100 - 100 * known[key] / known[lower]
+        for key in known
+        if key[2] == str(order) and (lower := (*key[:2], str(order - 1))) in known
+        if key[1] == (noise or key[1]) and (not of or key[0] in of)
+    ]
+
+
+def of_class(name: str) -> list[float]:
+    """Return what PIDA and PID save in the median, noise loud and quiet, and the plants of a class."""
+    low, high = CLASSES[name]
+    some = plants(lambda row: low < float(row["dead_time"]) <= high)
+    medians = [median(saved(OPTIMA, noise, order, of=some)) for order in (2, 1) for noise in ("1.5", "0.3")]
+    return [*medians, len(some)]
+
+
+def of_rolloff(name: str) -> list[float]:
+    """Return the plants of a roll-off, and what PIDA saves: loud in the median, least and most; quiet."""
+    low, high = ROLLOFFS[name]
+
+    def kept(row: dict[str, str]) -> bool:
+        num, den = ([float(one) for one in row[name].split()] for name in ("num", "den"))
+        w = 2j * pi / float(row["ultimate_period"]) * np.array([0.999, 1.001])
+        gain = np.log(np.abs(np.polyval(num, w) / np.polyval(den, w)))
+        slope = (gain[0] - gain[1]) / np.log(1.001 / 0.999)
+        return (
+            low <= float(f"{slope:.5g}") < high
+        )  # as many digits as the study writes: a slow lag has a slope of 1
+
+    loud, quiet = (saved(OPTIMA, noise, of=plants(kept)) for noise in ("1.5", "0.3"))
+    return [len(loud), median(loud), min(loud), max(loud), median(quiet)]
+
+
+def ranked(rule: str, kind: str) -> list[float]:
+    """Return the plants that a rule serves, and its IAE over the best of its kind and of all: medians, worst tenth."""
+    known, order = least(OPTIMA), str(("PI", "PID", "PIDA").index(kind))
+    of_kind, of_all = [], []
+    for row in table(COMPARISON):
+        if (row["rule"], row["kind"], row["terms"]) == (rule.lower(), kind, "loud") and row["iae_load"]:
+            bests = {k: known[row["plant"], "1.5", k] for k in "012" if (row["plant"], "1.5", k) in known}
+            of_kind.append(float(row["iae_load"]) / bests[order])
+            of_all.append(float(row["iae_load"]) / min(bests.values()))
+    return [len(of_all), median(of_kind), median(of_all), float(np.quantile(of_all, 0.9))]
+
+
+def as_published(rule: str, kind: str) -> list[float]:
+    """Return plants, Ms in the median and its highest tenth, noise, and the loops that a wrong model makes unstable."""
+    rows = [
+        row
+        for row in table(COMPARISON)
+        if (row["rule"], row["kind"], row["terms"]) == (rule.lower(), kind, "own")
+    ]
+    rows = [row for row in rows if row["ms"]]
+    ms, noise = ([float(row[name]) for row in rows if row[name]] for name in ("ms", "noise_gain"))
+    unstable = sum(row["ms_worst"] == "inf" for row in rows)
+    return [len(rows), median(ms), float(np.quantile(ms, 0.9)), median(noise), unstable]
+
+
+def drawn(path: Path, rng: np.random.Generator) -> tuple[str, list[float], list[float]]:
+    """Draw an optimum of a study: its plant, and Ms and IAE as stored and computed from its gains."""
+    row = rng.choice([row for row in table(path) if row["iae"] and row["order"] in ("1", "2")])
+    (plant,) = (one for one in table(PROCESSES) if one["plant"] == row["plant"])
+    unit, period, order = float(plant["ultimate_gain"]), float(plant["ultimate_period"]), int(row["order"])
+    gains = [float(row[f"k{k}"] or 0) * unit * period**k for k in range(-1, 3)]
+    control = controller(*gains, tf=float(row["filter_time"]) * period, n=order + 1)
+    num, den = ([float(one) for one in plant[name].split()] for name in ("num", "den"))
+
+    def process(s):
+        return np.polyval(num, s) / np.polyval(den, s) * np.exp(-float(plant["delay"]) * s)
+
+    s = 1j * GRID * 6 / period
+    error = iae(control, process, 100 * period) * unit / period
+    found = [largest(1 / np.abs(1 + process(s) * control(s))), error]
+    return row["plant"], [float(row["ms"]), float(row["iae"])], found
+
+
+def lower_peaks() -> list[float]:
+    """Return by how many per cent the load peaks of the proposed rule are below those of ITAE-2, as heo2023 shows."""
+    peaks = [
+        [float(numbers(HEO, rf"\nExample {k}, {rule} \|.* {N}\n")[0]) for rule in ("ITAE-2", "proposed")]
+        for k in (1, 2, 3)
+    ]
+    return [100 - 100 * proposed / itae2 for itae2, proposed in peaks]
+
+
+def frontier(order: int, ms: str) -> list[float]:
+    """Return what an order saves on the frontier: median, largest, and the plants where it reaches a tenth."""
+    names = {plant for plant, *_ in least(FRONTIER)}
+    tenth = sum(max(saved(FRONTIER, order=order, ms=ms, of=[name]), default=0) >= 10 for name in names)
+    every = saved(FRONTIER, order=order, ms=ms)
+    return [median(every), max(every), tenth]
+
+
+def shortest_filter(order: int) -> list[float]:
+    """Return the shortest filter of lecture 4: by the formula, and where the gain at a phase of −180° reaches 1."""
+
+    def excess(tf):
+        s = 1j * np.linspace(5, 200, 400_001)
+        turned = integrator(s) * standard(*IPDT, tf, order)(s)
+        crossed = np.flatnonzero((turned.imag[1:] * turned.imag[:-1] < 0) & (turned.real[1:] < 0))
+        return -turned.real[crossed].min() - 1
+
+    return [IPDT[0] * IPDT[3] * hump(order), brentq(excess, 0.01, 0.05, xtol=1e-7)]
 
 
 def best(limit: float) -> tuple[float, float]:
@@ -208,34 +332,49 @@ def hump(n: int) -> float:
     return sqrt((n - 1) ** (n - 1) / n**n)
 
 
+def humps(n: int) -> list[float]:
+    """Return it, by two ways on the page, and the square root of n times it."""
+    return [hump(n), hump(n), sqrt(n) * hump(n)]
+
+
 # ------------------------------------------------------------------------------------------------ the table
 
 ONE, TWO, THREE = (f"learn/{name}.ipynb" for name in ("what-acceleration-does", "when-it-pays", "tuning"))
 FOUR, FIVE, SIX = (f"learn/{name}.ipynb" for name in ("filter-and-noise", "limits", "digital"))
+WHICH, RULES, CURVES = (f"across/{name}.ipynb" for name in ("which-controller", "rules-compared", "frontier"))
+HEO = "heo2023.ipynb"
 N = r"([-+−]?\d+\.?\d*)"  # a number
 IPDT = (0.8328, 3.9, 0.4875, 0.07042)
+FILTERS = ((3, 0.1151), (6, 0.059155), (2, 0.22499))  # order and time, of lecture 4
+THIRDS = (-1, 0, 1 / 3, 2 / 3, 2)  # of the normalised dead time, which is 0 for integrating plants alone
+CLASSES = dict(
+    zip(("integrating", "lag-dominated", "balanced", "delay-dominated"), pairwise(THIRDS), strict=True)
+)
+ROLLOFFS = dict(zip(("below 1", "1 to 2", "2 or more"), pairwise((0, 1, 2, 9)), strict=True))
+DERIVATIVES = {"PID": 1, "PIDA": 2, "m = 3": 3}
+PUBLISHED = [
+    ("AMIGO", "PI"),
+    ("AMIGO", "PID"),
+    ("Haalman", "PID"),
+    ("Haalman", "PIDA"),
+    ("SIMC", "PI"),
+    ("SIMC", "PID"),
+]
 
-SHOWN = {
-    **{
-        f"lecture 1, gain, Ms and IAE of the {kind}": Shown(
-            ONE, rf"{kind} +kp {N}, Ms {N}, IAE {N}", lambda kind=kind: with_three_lags(kind)
-        )
-        for kind in ("PI", "PID", "PIDA")
-    },
-    **{
-        f"lecture 1, 1/ki and IAE of the {kind}": Shown(
+# Page, pattern with a group for each number, and the second way.
+SHOWN = [
+    *(
+        (
             ONE,
-            rf"{kind} +1/ki = {N}, IE {N}, IAE {N}",
-            lambda kind=kind: [1 / lecture_1()[kind][2]] * 2 + [lecture_1()[kind][1]],
+            rf"{kind} +kp {N}, Ms {N}, IAE {N}(?s:.*)\n{kind} +1/ki = {N}, IE {N}, IAE {N}",
+            partial(with_three_lags, kind),
         )
         for kind in ("PI", "PID", "PIDA")
-    },
-    "lecture 1, times by hand": Shown(ONE, rf"by hand: ti {N}, td {N}, ta {N}", lambda: [3, 1, 1 / 3]),
-    "lecture 1, task of the gain": Shown(
-        ONE, rf"\$k_p = 0\.869\$ gives \$M_s = {N}\$", lambda: [ms(standard(0.869, 3, 1, 1 / 3, 0.1))]
     ),
-    "lecture 2, areas of the filters": Shown(TWO, rf"\n\[{N} {N} \] \[0", lambda: [pi / 4, 3 * pi / 16]),
-    "lecture 2, three designs at one noise": Shown(
+    (ONE, rf"by hand: ti {N}, td {N}, ta {N}", lambda: [3, 1, 1 / 3]),
+    (ONE, rf"\$k_p = 0\.869\$ gives \$M_s = {N}\$", lambda: [ms(standard(0.869, 3, 1, 1 / 3, 0.1))]),
+    (TWO, rf"\n\[{N} {N} \] \[0", lambda: [pi / 4, 3 * pi / 16]),
+    (
         TWO,
         rf"The PIDA: IAE {N}, PID {N}, PI {N}",
         lambda: [
@@ -244,111 +383,107 @@ SHOWN = {
             iae(standard(0.46812, 2.14891, 0, 0, 0.06857, 1)),
         ],
     ),
-    **{
-        f"lecture 2, least IAE at a noise of {noise}": Shown(
-            TWO, rf"noise {noise}: PID {N}, PIDA {N}, ", lambda noise=noise: list(best(noise))
-        )
-        for noise in (0.5, 1.5)
-    },
-    "lecture 2, what acceleration saves": Shown(
+    *((TWO, rf"noise {noise}: PID {N}, PIDA {N}, ", partial(best, noise)) for noise in (0.5, 1.5)),
+    (
         TWO,
         rf"balanced, three lags +{N} +{N} +{N}",
-        lambda: [saved(FRONTIER, noise, plant="balanced, three lags")[0] for noise in ("0.1", "0.4", "1.6")],
+        lambda: [saved(FRONTIER, noise, of=["balanced, three lags"])[0] for noise in ("0.1", "0.4", "1.6")],
     ),
-    "lecture 3, Ms and what it guarantees": Shown(
+    (
         THREE,
         rf"\$M_s = {N}\$.*?-\(1 - 1/M_s\) = {N}\$.*?M_s/\(M_s - 1\) = {N}\$",
         lambda: [top := ms(standard(1.2, 3, 1, 1 / 3, 0.1)), 1 / top - 1, top / (top - 1)],
     ),
-    "lecture 3, a design that meets the limits": Shown(
+    (
         THREE,
         rf"T_f = 0\.315\$: \$M_s = {N}\$, .*?IAE {N}",
         lambda: [f(standard(1.43, 3.75, 1.145, 0.85, 0.315)) for f in (ms, iae)],
     ),
-    **{
-        f"lecture 3, gain for Ms {wanted}": Shown(
-            THREE, rf"Ms {wanted}: k D = {N}", lambda wanted=wanted: [proportional_gain(wanted)]
-        )
-        for wanted in (1.4, 1.6, 2.0)
-    },
-    "lecture 3, Ms of two thirds": Shown(
-        THREE, rf"k D = 2/3: Ms {N}", lambda: [ms(lambda s: 2 / 3, integrator)]
-    ),
-    "lecture 3, tail of a cancelled lag": Shown(THREE, rf"exp\(-1\) = {N}", lambda: [1 / e]),
-    "lecture 4, Ms by the order of the filter": Shown(
+    *((THREE, rf"Ms {wanted}: k D = {N}", partial(proportional_gain, wanted)) for wanted in (1.4, 1.6, 2.0)),
+    (THREE, rf"k D = 2/3: Ms {N}", lambda: [ms(lambda s: 2 / 3, integrator)]),
+    (THREE, rf"exp\(-1\) = {N}", lambda: [1 / e]),
+    (
         FOUR,
         rf"Order 3, 6, 2: \$M_s\$ {N}, {N}, {N}",
-        lambda: [
-            ms(standard(*IPDT, tf, n), integrator) for n, tf in ((3, 0.1151), (6, 0.059155), (2, 0.22499))
-        ],
+        lambda: [ms(standard(*IPDT, tf, n), integrator) for n, tf in FILTERS],
     ),
-    "lecture 4, lags of the filters": Shown(
-        FOUR, rf"are {N}, {N} and {N}: one order", lambda: [3 * 0.1151, 6 * 0.059155, 2 * 0.22499]
-    ),
-    **{
-        f"lecture 4, top of order {n}": Shown(
-            FOUR,
-            rf"n = {n}: {N}, by hand {N}, square root of n times it {N}",
-            lambda n=n: [hump(n), hump(n), sqrt(n) * hump(n)],
-        )
+    (FOUR, rf"are {N}, {N} and {N}: one order", lambda: [n * tf for n, tf in FILTERS]),
+    *(
+        (FOUR, rf"n = {n}: {N}, by hand {N}, square root of n times it {N}", partial(humps, n))
         for n in (2, 3, 4, 6, 20)
-    },
-    "lecture 5, least IAE under a limit": Shown(FIVE, rf"above the least {N}", lambda: [1 + 0.5 / 0.1]),
-    "lecture 5, task of the limit": Shown(FIVE, rf"Together {N}\.", lambda: [1 + 0.5 / 0.2]),
-    "lecture 6, Ms of the PI by half a sample": Shown(
+    ),
+    *((FOUR, rf"\nn = {n} \| {N} \| {N}", partial(shortest_filter, n)) for n in (2, 3, 4, 6)),
+    (FIVE, rf"above the least {N}", lambda: [1 + 0.5 / 0.1]),
+    (FIVE, rf"Together {N}\.", lambda: [1 + 0.5 / 0.2]),
+    (
         SIX,
         rf"predicted {N}",
         lambda: [ms(controller(k := lecture_1()["PI"][2], 1.5 * k, tf=0.1, n=1), lambda s: lags(s, 1.1))],
     ),
-    "lecture 6, the integral of the error": Shown(
-        SIX, rf"sum of e {N}, 1/ki {N}", lambda: [1 / lecture_1()["PIDA"][2]] * 2
-    ),
-    "lecture 6, Ms of a sampled PIDA": Shown(
-        SIX, rf"\$h = 0\.2\$ gives \$M_s = {N}\$", lambda: [sampled_ms(0.2)]
-    ),
-    "lecture 6, aliases": Shown(
-        SIX, rf"that can be seen {N}, seen {N}", lambda: [pi / 0.5, 2 * pi / 0.5 - 12.3]
-    ),
-    "lecture 6, task of the alias": Shown(SIX, rf"13\.2 - 2\\pi/0\.5\| = {N}", lambda: [13.2 - 4 * pi]),
-    "landing page": Shown(
+    (SIX, rf"sum of e {N}, 1/ki {N}", lambda: [1 / lecture_1()["PIDA"][2]] * 2),
+    (SIX, rf"\$h = 0\.2\$ gives \$M_s = {N}\$", lambda: [sampled_ms(0.2)]),
+    (SIX, rf"that can be seen {N}, seen {N}", lambda: [pi / 0.5, 2 * pi / 0.5 - 12.3]),
+    (SIX, rf"13\.2 - 2\\pi/0\.5\| = {N}", lambda: [13.2 - 4 * pi]),
+    (
         "intro.md",
         rf"noise gain of 0\.3 .*? saves {N} % .*?{N} % in the median.*?saves {N} % here.*?{N} % in the median",
         lambda: [landing(0.3), median(saved(OPTIMA, "0.3")), landing(1.5), median(saved(OPTIMA, "1.5"))],
     ),
-    "plants of others, records": Shown(
-        "others.ipynb", rf"{N} records, {N} of them .*?\nof these {N} gave a controller: {N}%", foreign
+    (HEO, rf"The peak after the load is {N} % lower", lambda: lower_peaks()[:1]),
+    *(
+        (page, rf"peak is {N} to {N} % lower", lambda: [min(lower_peaks()), max(lower_peaks())])
+        for page in (HEO, f"audit/{HEO}")
     ),
-    "plants of others, random plants": Shown(
+    ("others.ipynb", rf"{N} records, {N} of them .*?\nof these {N} gave a controller: {N}%", foreign),
+    (
         "others.ipynb",
         rf"{N} plants, {N}% refused\n(?:.*\n)true Ms at most 2\.0: {N}%\ntrue Ms within the reported worst: {N}%",
         strangers,
     ),
-    "how fast, portraits": Shown(
+    (
         "speed/how-fast.ipynb",
         rf"portrait, one worker +10,000 +{N} +{N}.*\nportrait, two workers +10,000 +{N}",
         portraits,
     ),
-}
+    *(
+        (WHICH, rf"\n{name} \| {N}% \| {N}% \| {N}% \| {N}% \| {N}", partial(of_class, name))
+        for name in CLASSES
+    ),
+    *(
+        (RULES, rf"\n{name} \| [a-z ]+ \| {N} \| {N}% \| {N}% \| {N}% \| {N}%", partial(of_rolloff, name))
+        for name in ROLLOFFS
+    ),
+    *((RULES, rf"\n{' . '.join([*rule, *[N] * 4])}", partial(ranked, *rule)) for rule in PUBLISHED),
+    *(
+        (RULES, rf"(?s:.*)\n{' . '.join([*rule, *[N] * 5])}", partial(as_published, *rule))
+        for rule in PUBLISHED
+    ),
+    *(
+        (CURVES, rf"\n{name} \| {N}% \| {N}%: .* \| {N} of", partial(frontier, k, "1.4"))
+        for name, k in DERIVATIVES.items()
+    ),
+    *(
+        (CURVES, rf"(?s:.*)\n{name} \| {N}% \| {N}%: .* \| {N} of", partial(frontier, k, "2"))
+        for name, k in DERIVATIVES.items()
+    ),
+    (
+        CURVES,
+        rf"\nfour lags \| {N}% .*? \| {N}% .*? \| {N}%",
+        lambda: [saved(FRONTIER, "3.2", k, of=["four lags"])[0] for k in (1, 2, 3)],
+    ),
+]
 
-SAME = {
-    "best PID of lecture 2": (
-        Shown(TWO, rf"local searches ended: .*; PID {N}"),
-        Shown(TWO, rf"noise 1\.5: PID {N}, PIDA"),
-    ),
-    "best PIDA of lecture 2": (
-        Shown(TWO, rf"\nIAE {N}, Ms 1\.400, relative noise gain 0\.50"),
-        Shown(TWO, rf"noise 0\.5: PID [\d.]+, PIDA {N}"),
-    ),
-    **{
-        f"IE and IAE of lecture 2 at a noise of {noise}": (
-            Shown(TWO, rf"noise {noise}: 1/ki .*; IAE {N} and {N}"),
-            Shown(TWO, rf"noise {noise}: PID {N}, PIDA {N}"),
-        )
+# Two places that show the same.
+SAME = [
+    ((TWO, rf"local searches ended: .*; PID {N}"), (TWO, rf"noise 1\.5: PID {N}, PIDA")),
+    ((TWO, rf"\nIAE {N}, Ms 1\.400, relative noise gain 0\.50"), (TWO, rf"noise 0\.5: PID [\d.]+, PIDA {N}")),
+    *(
+        ((TWO, rf"noise {noise}: 1/ki .*; IAE {N} and {N}"), (TWO, rf"noise {noise}: PID {N}, PIDA {N}"))
         for noise in (0.25, 0.5, 1.5)
-    },
-    "PIDA of lectures 1 and 6": (Shown(ONE, rf"PIDA 1/ki = {N}"), Shown(SIX, rf"1/ki {N}")),
-    "noise PIDA of lectures 2 and 3": (
-        Shown(TWO, rf"The PIDA: IAE [\d.]+, PID {N}"),
-        Shown(THREE, rf"The best PID under both limits has an IAE of {N}:"),
     ),
-}
+    ((ONE, rf"PIDA 1/ki = {N}"), (SIX, rf"1/ki {N}")),
+    (
+        (TWO, rf"The PIDA: IAE [\d.]+, PID {N}"),
+        (THREE, rf"The best PID under both limits has an IAE of {N}:"),
+    ),
+]

@@ -43,9 +43,11 @@ HINDRANCES = """() => {
     if (/cell (source|output)/.test(fold.textContent)) found.push("a fold that only names a cell");
   }
   const index = /(^|[^\\w.\\p{L}])(\\p{L}\\p{M}?|[A-Z]{2,5})_[-\\p{L}\\d]/u;
-  for (const cell of all("main table.dataframe :is(th, td), main .cell_output :is(p, li)"))
-    if (!/\\.(txt|csv|mat|dat|\\.\\.)$/.test(cell.textContent) && index.test(cell.textContent))
-      found.push(`an index left raw: ${cell.textContent}`);
+  for (const cell of all("main table.dataframe :is(th, td), main .cell_output :is(p, li)")) {
+    const words = cell.cloneNode(true);
+    words.querySelectorAll("code").forEach((one) => one.remove());
+    if (index.test(words.textContent)) found.push(`an index left raw: ${cell.textContent}`);
+  }
   for (const table of all(".pidalab-live .lab-table"))
     if (table.scrollWidth > table.clientWidth) found.push(`numbers out of sight: ${table.textContent}`);
   return found;

@@ -1,5 +1,6 @@
 """The lab and the live figures as a reader uses them: opened from a folder, without server or network."""
 
+import json
 import re
 import shlex
 from contextlib import redirect_stdout
@@ -8,21 +9,30 @@ from itertools import product
 
 import numpy as np
 import pytest
+from driving import (
+    COLUMNS,
+    FAIR,
+    FOLLOW,
+    NEXT_FRAME,
+    choose,
+    enter,
+    follow,
+    press,
+    three_kinds,
+    value_of,
+    wait_for_columns,
+)
 from looking import NARROW, OVERFLOW, barriers
 from pictured import plots
 
+import pidalab
+
 NUMBER = r"(\d[\d.]*)"
-COLUMNS = (
-    "() => [...document.querySelectorAll('.lab-table tbody tr:has(th)')]"
-    ".map(row => [...row.cells].map(cell => cell.innerText.trim()))"
-)
 # The lab draws before the next frame; an address is heard of by the lab first, and then here.
 SAVED = "() => location.hash === `#${document.querySelector('.pidalab-lab').lab.link()}`"
-NEXT_FRAME = "() => new Promise(requestAnimationFrame)"
-FOLLOW = """() => new Promise((done) => {
-  addEventListener("hashchange", () => requestAnimationFrame(done), { once: true });
-  %s;
-})"""
+
+
+MS = ".map(row => row[3]).join()"
 
 
 def announced(page, words=f"IAE {NUMBER}"):
@@ -56,16 +66,15 @@ def test_a_slider_by_keyboard_is_announced(lab):
 
 def test_a_link_brings_the_same_loop(lab):
     page = lab()
-    page.get_by_label("plant", exact=True).select_option("haalman-2")
-    page.get_by_label("controller", exact=True).select_option("PID")
-    page.get_by_label("kp, number", exact=True).fill("0.5")
-    page.keyboard.press("Enter")
+    choose(page, "plant", "haalman-2")
+    choose(page, "controller", "PID")
+    enter(page, "kp", "0.5")
     page.get_by_label("limits of the actuator").check()
     page.wait_for_function(SAVED)
     again = lab(page.url)
     assert announced(again, "PID: IAE") == announced(page, "PID: IAE")
     assert again.evaluate(COLUMNS) == page.evaluate(COLUMNS)
-    assert again.get_by_label("kp, number", exact=True).input_value() == "0.5"
+    assert value_of(again, "kp") == "0.5"
     assert again.get_by_label("limits of the actuator").is_checked()
 
 
@@ -112,8 +121,7 @@ DRAG = """async (bar) => {
 def test_a_drag_studies_one_design_and_moves_its_lines(lab):
     """Ten changes before a frame are drawn once; kept designs and axes stay; the address waits until the hand rests."""
     page = lab()
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
+    three_kinds(page)
     page.wait_for_function(SAVED)
     page.evaluate(COUNT)
     bar = page.get_by_label("kp", exact=True)
@@ -150,8 +158,7 @@ MADE = """async (select) => {
 def test_a_change_of_all_axes_and_numbers_makes_few_parts_of_the_page(lab):
     """No more than there are ticks more than before: what stays is not laid out again."""
     page = lab()
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
+    three_kinds(page)
     found = page.get_by_label("plant", exact=True).evaluate(MADE)
     assert max(found["made"], found["fresh"]) < 0.1 * found["all"]
 
@@ -165,7 +172,7 @@ def test_an_address_that_is_given_is_not_written_over(lab):
     given = page.evaluate("() => pidalabModel.write({ designs: [{ kind: 'PID', kp: 0.5 }] })")
     page.evaluate(FOLLOW % (AT_ONCE % given))
     assert page.get_by_label("controller", exact=True).input_value() == "PID"
-    assert page.get_by_label("kp, number", exact=True).input_value() == "0.5"
+    assert value_of(page, "kp") == "0.5"
 
 
 SAMPLES = """() => {
@@ -179,8 +186,7 @@ def test_what_is_drawn_of_many_samples_is_what_shows(lab):
     page = lab()
     for label in ("digital controller", "measurement noise"):
         page.get_by_label(label, exact=True).check()
-    page.get_by_label("sample time, number").fill("0.005")
-    page.keyboard.press("Enter")
+    enter(page, "sample time", "0.005")
     page.evaluate(NEXT_FRAME)
     page.wait_for_function(SAVED)
     t, u = map(np.array, page.evaluate(SAMPLES))
@@ -202,61 +208,59 @@ def test_what_is_drawn_of_many_samples_is_what_shows(lab):
 
 
 def test_three_kinds_by_a_rule(lab):
+    """The noise of one does not depend on its company."""
     page = lab()
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
-    rows = page.evaluate(COLUMNS)
+    alone = page.evaluate(COLUMNS)[0][4]
+    rows = three_kinds(page)
+    assert rows[2][4] == alone
+    assert "over the ultimate gain 2.5." in page.locator(".lab-table p").inner_text()
     assert [row[0] for row in rows] == ["PI", "PID", "PIDA"]
     assert [row[3] for row in rows] == ["1.4"] * 3
     iae = [float(row[1]) for row in rows]
     assert sorted(iae, reverse=True) == iae
     # fair: one noise, too, and a word on the kind that makes no use of it
-    assert page.get_by_label("fair: equal Ms, equal relative noise gain").is_checked()
+    assert page.get_by_label(FAIR).is_checked()
     noise = [float(row[4]) for row in rows]
     assert noise == pytest.approx([0.0735, 0.81, 1.5], rel=2e-3)  # of the shortest filters, and the limit
     notes = page.locator(".lab-note").all_inner_texts()
     assert notes[0] == "It needs a relative noise gain of only 0.0735 of the 1.5 allowed."
     assert len(notes) == 2
-    limit = page.get_by_label("noise limit, number", exact=True)
-    limit.fill("0,5")
-    page.keyboard.press("Enter")
+    enter(page, "noise limit", "0,5")
     page.wait_for_function(f"() => ({COLUMNS})().slice(1).every(row => row[4] > 0.499 && row[4] <= 0.5)")
     assert [row[3] for row in page.evaluate(COLUMNS)] == ["1.4"] * 3
 
 
 def test_designs_by_hand_are_told_from_those_on_fair_terms(lab):
     page = lab()
-    page.get_by_role("button", name="Add a copy").click()
-    page.get_by_label("kp, number", exact=True).fill("1.5")
-    page.keyboard.press("Enter")
+    press(page, "Add a copy")
+    enter(page, "kp", "1.5")
     page.wait_for_function("() => document.querySelector('.lab-note')")
     note = page.locator(".lab-note").inner_text()
     assert re.match(
         r"By hand: Ms 1\.\d+ and relative noise gain .*, where the others have at most 1\.4 and 1\.5", note
     )
     # three kinds of a shape by hand are made fair
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.4,1.4,1.4'")
+    press(page, "PI, PID and PIDA by this rule")
+    wait_for_columns(page, "'1.4,1.4,1.4'", MS)
     assert page.get_by_label("rule", exact=True).input_value() == "gain"
 
 
 def test_a_filter_of_ones_own_is_not_fair_and_old_links_keep_theirs(lab):
     page = lab()
-    page.get_by_label("filter time, number").fill("0.1")
-    page.keyboard.press("Enter")
+    enter(page, "filter time", "0.1")
     announced(page, "no longer fair")
-    assert not page.get_by_label("fair: equal Ms, equal relative noise gain").is_checked()
-    assert page.get_by_label("filter time, number").input_value() == "0.1"
-    assert float(page.get_by_label("kp, number", exact=True).input_value()) == pytest.approx(0.8689, rel=1e-3)
+    assert not page.get_by_label(FAIR).is_checked()
+    assert value_of(page, "filter time") == "0.1"
+    assert float(value_of(page, "kp")) == pytest.approx(0.8689, rel=1e-3)
     given = "pidalabModel.write({ designs: [{ kind: 'PIDA', rule: 'cancellation', filterTime: 0.1 }] })"
     old = lab(page.url.split("#")[0] + "#" + page.evaluate(f"() => {given}"))
-    assert old.get_by_label("filter time, number").input_value() == "0.1"
-    assert not old.get_by_label("fair: equal Ms, equal relative noise gain").is_checked()
+    assert value_of(old, "filter time") == "0.1"
+    assert not old.get_by_label(FAIR).is_checked()
 
 
 def test_limits_that_cannot_bear_the_load_are_named(lab):
     page = lab()
-    page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({LIMITED % 'clamping'})")
+    follow(page, LIMITED % "clamping")
     announced(page, "IAE ∞ for load")
     assert "needs u = −1, which is beyond these limits" in page.locator(".lab-note").inner_text()
     assert page.evaluate(COLUMNS)[0][1] == "∞"
@@ -280,8 +284,7 @@ HIDDEN = """() => {
 def test_all_numbers_of_three_designs_are_in_view(lab):
     """On a screen of 1280 pixels; on a phone they scroll, and the name of the design stays."""
     page = lab()
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
+    three_kinds(page)
     assert page.evaluate(HIDDEN) == 0
     page.set_viewport_size(NARROW)
     assert page.evaluate(HIDDEN) > 0
@@ -295,40 +298,22 @@ LIMITED = """{plant: "huba-ipdt", designs: [{rule: "hand", limited: true, low: -
     kind: "PIDA", kp: 0.611044, ti: 5.48577, td: 0.740416, ta: 0.148083, filterTime: 0.2, filterOrder: 4}]}"""
 
 
-def test_four_ways_at_a_limit(lab):
-    page, iae = lab(), []
-    for way in ("none", "conditioning", "clamping", "reset"):
-        page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({LIMITED % way})")
-        assert page.get_by_label("anti-windup", exact=True).input_value() == way
-        iae.append(float(page.evaluate(COLUMNS)[0][2]))
-    assert sorted(iae, reverse=True) == iae
-    assert iae[-1] < iae[0] / 2
-
-
-def test_a_digital_controller_may_be_slower_than_its_filter(lab):
-    page = lab()
-    page.get_by_label("digital controller").check()
-    box, ms = page.get_by_label("sample time, number"), []
-    for h in ("0.05", "0.5", "1"):
-        box.fill(h)
-        page.keyboard.press("Enter")
-        page.evaluate(NEXT_FRAME)
-        ms.append(float(page.evaluate(COLUMNS)[0][3]))
-    assert sorted(ms) == ms
-    assert ms[-1] > 1.2 * ms[0]
-
-
 def test_designs_saved_as_files(lab, tmp_path):
     """As Python it runs and says what the lab says; as JSON it comes back."""
     page = lab()
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
-    before = page.evaluate(COLUMNS)
+    before = three_kinds(page)
     for button, name in (("As a library call", "pida_designs.py"), ("As JSON", "pida_designs.json")):
         page.get_by_role("button", name=button).click()
         with page.expect_download() as download:
             page.get_by_role("button", name=f"Save as {name}").click()
+        assert download.value.suggested_filename == name
         download.value.save_as(tmp_path / name)
+    saved = json.loads((tmp_path / "pida_designs.json").read_text(encoding="utf-8"))
+    process = pidalab.Process(**saved["process"])
+    for design, (kind, order) in zip(saved["designs"], (("PI", 0), ("PID", 1), ("PIDA", 2)), strict=True):
+        own = pidalab.HighOrderPID(design["gains"][: order + 2], design["filterTime"], design["filterOrder"])
+        assert design["kind"] == kind
+        assert pidalab.margins(pidalab.Loop(process, own)).ms == pytest.approx(1.4, rel=1e-3)
     said = StringIO()
     with redirect_stdout(said):
         exec((tmp_path / "pida_designs.py").read_text(encoding="utf-8"), {})
@@ -349,8 +334,8 @@ def test_the_library_call_has_limits_and_sampling_or_names_what_it_leaves_out(la
         state = f"""{{plant: "lags3", noise: 1e-6, sampled: {sampled}, sampleTime: 0.5, noisy: true,
             designs: [{{limited: true, low: -1.02, high: 0.4, antiWindup: "{way}",
             kind: "PID", kp: 1.2, ti: 2, td: 0.4, ta: 0, filterTime: 0.1, filterOrder: 2}}]}}"""
-        page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({state})")
-        page.get_by_role("button", name="As a library call").click()
+        follow(page, state)
+        press(page, "As a library call")
         call, said = page.locator(".lab-out").text_content(), StringIO()
         with redirect_stdout(said):
             exec(call, {})
@@ -416,7 +401,7 @@ def test_the_records_of_the_book_give_a_design_one_would_simulate_next(lab, root
     assert sum(found.values()) - found["gain"] == pytest.approx(times, rel=0.02)
     page.wait_for_function(FOUND)
     assert "Record of" in page.locator(".lab-about").text_content()  # the search does not wipe it away
-    page.get_by_label("controller", exact=True).select_option("PID")
+    choose(page, "controller", "PID")
     read(page, "pidalab tune step.csv --kind PID --ms 1.4")
     page.wait_for_function(FOUND)
     assert 1.39 < float(page.evaluate(COLUMNS)[0][3]) <= 1.4
@@ -429,7 +414,7 @@ def test_the_records_of_the_book_give_a_design_one_would_simulate_next(lab, root
 
 def test_the_least_iae_is_found_in_the_page(lab):
     page = lab()
-    page.get_by_label("rule", exact=True).select_option("optimum")
+    choose(page, "rule", "optimum")
     press = page.get_by_role("button", name="PI, PID and PIDA by this rule").click
     press()
     page.wait_for_function(FOUND)
@@ -441,24 +426,21 @@ def test_the_least_iae_is_found_in_the_page(lab):
 
 def test_one_ms_is_that_of_all_designs_of_a_fair_comparison(lab):
     page = lab()
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    box = page.get_by_label("Ms, number", exact=True)
-    box.fill("1.8")
-    page.keyboard.press("Enter")
-    page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.8,1.8,1.8'")
+    press(page, "PI, PID and PIDA by this rule")
+    enter(page, "Ms", "1.8")
+    wait_for_columns(page, "'1.8,1.8,1.8'", MS)
     page.wait_for_function(SAVED)
-    page.get_by_label("fair: equal Ms, equal relative noise gain").uncheck()
-    box.fill("1.5")
-    page.keyboard.press("Enter")
-    page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.8,1.8,1.5'")
+    page.get_by_label(FAIR).uncheck()
+    enter(page, "Ms", "1.5")
+    wait_for_columns(page, "'1.8,1.8,1.5'", MS)
     page.wait_for_function(SAVED)
-    page.get_by_role("button", name="Undo").click()
-    page.wait_for_function(f"() => ({COLUMNS})().map(row => row[3]).join() === '1.8,1.8,1.8'")
+    press(page, "Undo")
+    wait_for_columns(page, "'1.8,1.8,1.8'", MS)
 
 
 def test_what_a_search_finds_is_no_step_of_its_own_to_undo(lab):
     page = lab()
-    page.get_by_label("rule", exact=True).select_option("optimum")
+    choose(page, "rule", "optimum")
     page.wait_for_function(FOUND)
     page.wait_for_function(SAVED)
     plant = page.get_by_label("plant", exact=True)
@@ -466,25 +448,25 @@ def test_what_a_search_finds_is_no_step_of_its_own_to_undo(lab):
     page.wait_for_function(SAVED)
     page.wait_for_function(FOUND)
     page.wait_for_function(SAVED)
-    page.get_by_role("button", name="Undo").click()
+    press(page, "Undo")
     page.wait_for_function("() => document.querySelector('.lab-choice select').value === 'lags3'")
 
 
 def test_a_change_of_plant_retunes_or_says_why_not(lab):
     page = lab()
-    page.get_by_label("plant", exact=True).select_option("huba-ipdt")
+    choose(page, "plant", "huba-ipdt")
     # a rule that does not serve gives way, and nothing is shown until there is a design
     announced(page, "needs a plant that does not integrate; least IAE in place of cancel the lags")
     page.wait_for_function("() => !document.querySelector('.pidalab-lab').lab.state.designs[0].pending")
-    page.get_by_label("rule", exact=True).select_option("cancellation")
+    choose(page, "rule", "cancellation")
     page.wait_for_function(
         "() => document.querySelector('.lab-problem')?.textContent.includes('does not integrate')"
     )
-    page.get_by_label("rule", exact=True).select_option("multiple")
+    choose(page, "rule", "multiple")
     page.wait_for_function(
         "() => document.querySelector('.lab-problem')?.textContent.includes('without “fair”')"
     )
-    page.get_by_label("fair: equal Ms, equal relative noise gain").uncheck()
+    page.get_by_label(FAIR).uncheck()
     page.wait_for_function("() => !document.querySelector('.lab-problem')")
     assert float(page.evaluate(COLUMNS)[0][3]) < 2.5
 
@@ -513,14 +495,14 @@ def dragged(page, title, dx, dy):
 def test_limits_are_dragged_in_the_plots(lab):
     page = lab()
     dragged(page, "Nyquist", -8, 8)  # towards -1: a larger Ms
-    ms = float(page.get_by_label("Ms, number", exact=True).input_value())
+    ms = float(value_of(page, "Ms"))
     assert 1.45 < ms < 2.5
     assert float(page.evaluate(COLUMNS)[0][3]) == pytest.approx(ms, rel=1e-3)
-    page.get_by_label("fair: equal Ms, equal relative noise gain").uncheck()
+    page.get_by_label(FAIR).uncheck()
     page.evaluate(NEXT_FRAME)
-    before = float(page.get_by_label("filter time, number").input_value())
+    before = float(value_of(page, "filter time"))
     dragged(page, "From measurement noise", -30, 0)  # to lower frequencies: a slower filter
-    assert float(page.get_by_label("filter time, number").input_value()) > 1.2 * before
+    assert float(value_of(page, "filter time")) > 1.2 * before
 
 
 def test_a_pointer_reads_the_values_in_all_plots_and_a_box_zooms(lab):
@@ -541,19 +523,23 @@ def test_a_pointer_reads_the_values_in_all_plots_and_a_box_zooms(lab):
 
 
 def test_a_digital_loop_is_drawn_between_its_samples_and_from_sample_to_sample(lab):
-    page = lab()
+    """It may be slower than its filter, and loses robustness by it."""
+    page, ms = lab(), []
     page.get_by_label("digital controller").check()
-    page.get_by_label("sample time, number").fill("1")
-    page.keyboard.press("Enter")
-    page.wait_for_function(SAVED)
-    found = page.evaluate("""() => {
+    for h in ("0.05", "0.5", "1"):
+        enter(page, "sample time", h)
+        page.evaluate(NEXT_FRAME)
+        ms.append(float(page.evaluate(COLUMNS)[0][3]))
+    assert sorted(ms) == ms
+    assert ms[-1] > 1.2 * ms[0]
+    top, near, last, count, between = page.evaluate("""() => {
       const { current } = document.querySelector(".pidalab-lab").lab, { w, re, im } = current.curve;
       const near = Math.max(...w.map((_, k) => 1 / Math.hypot(1 + re[k], im[k])));
       return [current.ms, near, w[w.length - 1], current.setpoint.t.length, current.setpoint.between.t.length];
     }""")
-    assert found[1] == pytest.approx(found[0], rel=0.01)  # of the curve that is drawn, and of the table
-    assert found[2] == pytest.approx(np.pi)
-    assert found[4] > 20 * found[3]
+    assert near == pytest.approx(top, rel=0.01)  # of the curve that is drawn, and of the table
+    assert last == pytest.approx(np.pi)
+    assert between > 20 * count
 
 
 def test_on_a_phone_the_plot_comes_before_the_knobs(lab):
@@ -644,7 +630,7 @@ def test_a_hostile_link_is_refused_field_by_field(lab):
     """Each says what is wrong and leaves a lab that works, with no script and no command of it."""
     page = lab()
     for state in DAMAGED:
-        page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({state})")
+        follow(page, state)
         announced(page, "The link is damaged: .")
         assert float(page.evaluate(COLUMNS)[0][3]) > 1, state
         assert (
@@ -662,11 +648,11 @@ def test_there_is_no_script_while_a_design_is_refused(lab):
     for end in ("1e9", "3000"):
         page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({{ {plant % end}, {designs} }})")
         announced(page, "time axis ends at")
-        page.get_by_role("button", name="As a library call").click()
+        press(page, "As a library call")
         announced(page, "There is no script while a design is refused")
         assert page.locator(".lab-out").is_hidden()
     page.evaluate(FOLLOW % f"location.hash = pidalabModel.write({{ {plant % '40'}, {designs} }})")
-    page.get_by_role("button", name="As a library call").click()
+    press(page, "As a library call")
     assert float(page.evaluate(COLUMNS)[0][1]) == pytest.approx(2.5 / 1.2, rel=0.01)
 
 
@@ -720,20 +706,10 @@ def test_a_link_cut_short_says_so_and_the_name_of_a_heading_is_none(lab):
     assert "damaged" not in page.locator(".lab-live").text_content()
 
 
-def test_the_noise_of_a_design_does_not_depend_on_its_company(lab):
-    page = lab()
-    alone = page.evaluate(COLUMNS)[0][4]
-    page.get_by_role("button", name="PI, PID and PIDA by this rule").click()
-    page.wait_for_function("() => document.querySelectorAll('.lab-table tbody').length === 3")
-    assert page.evaluate(COLUMNS)[2][4] == alone
-    assert "over the ultimate gain 2.5." in page.locator(".lab-table p").inner_text()
-
-
 def test_an_unstable_loop_beyond_all_numbers_has_axes(lab):
     page = lab()
-    page.get_by_label("plant", exact=True).select_option("haalman-1")
-    page.get_by_label("kp, number").fill("1e7")
-    page.keyboard.press("Enter")
+    choose(page, "plant", "haalman-1")
+    enter(page, "kp", "1e7")
     announced(page, "unstable")
     axes = page.locator(".lab-plots svg").first
     assert axes.locator(".lab-tick").count() > 6

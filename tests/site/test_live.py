@@ -57,7 +57,7 @@ NUMBERS = {  # names of the table by their keys
     "overshoot": "overshoot, %",
     "sigma": "relative noise gain",
     "gmLeast": "at least Ms/(Ms−1)",
-    "pmLeast": "at least 2 asin 1/(2Ms), °",
+    "pmLeast": "at least 2 asin 1/(2 Ms), °",
     "first": "phase margin at the first crossover, °",
     "hump": "top of |L| beyond it",
 }

@@ -52,7 +52,7 @@ globalThis.pidalabScripts.at(-1)();
 if (typeof document !== "undefined") (function () {
   "use strict";
   const { names, stepTest, judged, plantOf } = globalThis.pidalabHidden, { readNumber } = globalThis.pidalabModel;
-  const plot = globalThis.pidalabPlot, { element } = plot, KEY = "pidalab-hidden";
+  const plot = globalThis.pidalabPlot, { element, marked } = plot, KEY = "pidalab-hidden";
   const FIELDS = [["kp", "gain"], ["ti", "integral time"], ["td", "derivative time, or 0"], ["ta", "acceleration, or 0"], ["Tf", "filter time"]];
   const LIMITS = [5, 10, 20], CLEAR = "Forget all scores";
 
@@ -90,7 +90,7 @@ if (typeof document !== "undefined") (function () {
       clearInterval(this.ticking);
       this.clock.textContent = "";
       this.plot.hidden = this.form.hidden = this.save.hidden = true;
-      this.said.textContent = "";
+      plot.show(this.said);
       this.show();
     }
 
@@ -132,7 +132,7 @@ if (typeof document !== "undefined") (function () {
 
     tell(words, right) {
       this.said.className = `task-verdict task-${right ? "right" : "wrong"}`;
-      this.said.textContent = words;
+      plot.show(this.said, ...marked(words));
     }
 
     download() {
@@ -154,7 +154,7 @@ if (typeof document !== "undefined") (function () {
       const short = (x) => String(Number(x.toPrecision(3))), list = (values) => values.map(short).join(", ");
       const rows = names().map((name) => {
         const { num, den, delay, best: { gains: [ki, kp, kd, ka], filterTime }, iae } = plantOf(name);
-        return ["tr", {}, ["th", { scope: "row" }, name], ...[`[${list(num)}] / [${list(den)}], dead time ${delay}`, `kp ${short(kp)}, ti ${short(kp / ki)}, td ${short(kd / kp)}, ta ${short(ka / kp)}, Tf ${short(filterTime)}`, short(iae)].map((words) => ["td", {}, words])];
+        return ["tr", {}, ["th", { scope: "row" }, name], ...[`[${list(num)}] / [${list(den)}], dead time ${delay}`, `kp ${short(kp)}, ti ${short(kp / ki)}, td ${short(kd / kp)}, ta ${short(ka / kp)}, Tf ${short(filterTime)}`, short(iae)].map((words) => ["td", {}, ...marked(words)])];
       });
       const place = element("div", { class: "lab-table" });
       plot.show(place, ["table", {}, ["thead", {}, ["tr", {}, ...["plant", "model", "best PIDA", "its IAE"].map((words) => ["th", { scope: "col" }, words])]], ["tbody", {}, ...rows]]);

@@ -4,7 +4,7 @@
   "use strict";
   const { PLANTS, RULES, ORDER, alike, ownPlant, controller, study, noiseScale, noiseGainAt, readNumber, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
-  const plot = globalThis.pidalabPlot, { element } = plot;
+  const plot = globalThis.pidalabPlot, { element, marked } = plot;
 
   /* A design is a card: its own rule, limits and anti-windup. In a fair comparison Ms and relative noise gain are those of
      all, and a rule's gain and filter follow from them. */
@@ -59,7 +59,7 @@
     });
     const reach = (most) => { bar.max = to(most); bar.step = step ?? (bar.max - bar.min) / 200; };
     reach(high);
-    const row = element("div", { class: "lab-row", title: help }, element("label", { for: id }, label), bar, box);
+    const row = element("div", { class: "lab-row", title: help }, element("label", { for: id }, ...marked(label)), bar, box);
     row.refresh = () => {
       const value = get();
       if (to(value) > to(high)) reach(high = 2 * Math.abs(value));
@@ -81,7 +81,7 @@
 
   function tick({ label, get, set }) {
     const id = `lab-input-${++names}`, box = element("input", { type: "checkbox", id, onchange: () => set(box.checked) });
-    const row = element("div", { class: "lab-tick-row" }, box, element("label", { for: id }, label));
+    const row = element("div", { class: "lab-tick-row" }, box, element("label", { for: id }, ...marked(label)));
     row.refresh = () => { box.checked = get(); };
     return row;
   }
@@ -171,7 +171,7 @@
     gm: ["gain margin", (s) => s.gm], pm: ["phase margin, °", (s) => s.pm], dm: ["delay margin", (s) => s.dm],
     peak: ["peak of u", (s) => s.peak], overshoot: ["overshoot, %", (s) => s.overshoot],
     sigma: ["relative noise gain", (s) => s.sigma],
-    gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
+    gmLeast: ["at least Ms/(Ms−1)", (s) => s.ms / (s.ms - 1)], pmLeast: ["at least 2 asin 1/(2 Ms), °", (s) => degrees(2 * Math.asin(0.5 / s.ms))],
     first: ["phase margin at the first crossover, °", (s) => s.beyond().first, true], hump: ["top of |L| beyond it", (s) => s.beyond().hump, true],
   };
 
@@ -181,7 +181,7 @@
   const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
 
   /* The head of a column; a formula may break at its fraction bar. */
-  const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => (k ? [["wbr", {}], part] : part))];
+  const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => [...(k ? [["wbr", {}]] : []), ...marked(part)])];
 
   /* What noise the relative noise gains of a table are of: the same for all rows. */
   function noiseMeant(shown, process) {
@@ -199,7 +199,7 @@
       const name = ["th", more ? { scope: "rowgroup", rowspan: 2 } : { scope: "row" }, ["span", { class: `lab-key lab-key-${s.look}` }], ` ${s.name}`];
       return [
         ["tr", { class: "lab-numbers" }, name, ...(missing ? [["td", { colspan: missing }, verdict(s)]] : []), ...found.map(([, get]) => ["td", {}, digits(get(s), count)])],
-        ...(more ? [["tr", { class: "lab-gains" }, ["td", { colspan: keys.length }, more]]] : []),
+        ...(more ? [["tr", { class: "lab-gains" }, ["td", { colspan: keys.length }, ...marked(more)]]] : []),
       ];
     };
     plot.show(place, ["table", {},
@@ -585,7 +585,7 @@
       if (!file) return;
       try {
         if (file.size > LARGEST_FILE) throw new RangeError(`it has ${Math.round(file.size / 1e6)} million characters, at most ${LARGEST_FILE / 1e6} are read`);
-        this.live.textContent = `Reading ${file.name} …`;
+        plot.show(this.live, `Reading ${file.name} …`);
         const text = await file.text();
         if (file.name.endsWith(".json")) this.takeSaved(text); else this.takeRecord(text, file.name);
       } catch (error) { this.say(`${file.name}: ${error.message}.`); }
@@ -747,7 +747,7 @@
         const facts = [rule.name, ...(limited ? [`u from ${digits(low)} to ${digits(high)}, ${antiWindup === "none" ? "no anti-windup" : antiWindup}`] : [])].join("; ");
         return ["div", { class: `lab-card${k === chosen ? " lab-chosen" : ""}`, "data-k": k },
           ["button", { type: "button", class: "lab-choose", "aria-pressed": String(k === chosen) }, ["span", { class: `lab-key lab-key-${looks[k]}` }], ` ${names[k]}`],
-          ["span", { class: "lab-facts" }, facts], ...(this.problems[k] ? [["span", { class: "lab-problem" }, this.problems[k]]] : []), ...(this.notes[k] ?? []).map((note) => ["span", { class: "lab-note" }, note]),
+          ["span", { class: "lab-facts" }, facts], ...(this.problems[k] ? [["span", { class: "lab-problem" }, ...marked(this.problems[k])]] : []), ...(this.notes[k] ?? []).map((note) => ["span", { class: "lab-note" }, ...marked(note)]),
           ...(designs.length > 1 ? [["button", { type: "button", class: "lab-gone", "aria-label": `Remove ${names[k]}` }, "×"]] : [])];
       }));
     }
@@ -758,7 +758,7 @@
       const noise = ready && noiseGainAt(this.process, this.design, file.h);
       const command = ready && Number.isFinite(noise) && `pidalab tune ${file.called} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
       plot.show(this.about, ...(about ? [["p", {}, about]] : []),
-        ...(command ? [["p", {}, "The same Ms, and the noise gain that this design has at the record's sample time, from the command line, with uncertainty and sampling, and code for a controller in the folder ", ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
+        ...(command ? [["p", {}, ...marked("The same Ms, and the noise gain that this design has at the record's sample time, from the command line, with uncertainty and sampling, and code for a controller in the folder "), ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
     }
 
     drawPlots(shown) {
@@ -778,7 +778,7 @@
         ? `${name}: IAE ${digits(s.iae)} for load, ${digits(s.iaeSetpoint)} for set point, Ms ${digits(s.ms)}, relative noise gain ${digits(s.sigma)}.`
         : `${name}: the loop is ${verdict(s)}.`;
       this.speaking = setTimeout(() => {
-        this.live.textContent = [problem && `${RULES[this.design.rule]?.name ?? "by hand"}: ${problem}.`, this.message, numbers].filter(Boolean).join(" ");
+        plot.show(this.live, ...marked([problem && `${RULES[this.design.rule]?.name ?? "by hand"}: ${problem}.`, this.message, numbers].filter(Boolean).join(" ")));
         this.message = "";
         this.save();
       }, 250);

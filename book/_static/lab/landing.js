@@ -3,7 +3,7 @@
 (function () {
   "use strict";
   const { simulate, simulateSampled } = globalThis.pidalabEngine, { uniform } = globalThis.pidalabModel;
-  const draw = globalThis.pidalabPlot, { element } = draw, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // with their looks
+  const draw = globalThis.pidalabPlot, { element, marked } = draw, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // with their looks
   const PROCESS = { num: [1], den: [1, 3, 3, 1], delay: 1 }, FINE = 10; // steps of a loop while a value of the noise is held
 
   class Landing {
@@ -61,7 +61,7 @@
       const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
       const key = (kind) => element("span", { class: "landing-key" }, element("span", { class: `lab-key lab-key-${KINDS[kind]}` }), ` ${kind} ${this[kind][k][0].toFixed(2)}`);
       this.words.replaceChildren(`Relative noise gain ${this.limits[k]}. IAE:`,
-        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind)]), `. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`);
+        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind)]), element("span", {}, ...marked(`. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`)));
     }
   }
 

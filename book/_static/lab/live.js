@@ -18,7 +18,7 @@
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
   const { slider, digits, drawPlots, drawTable, looksOf, known, verdict } = globalThis.pidalabLab;
-  const { element } = globalThis.pidalabPlot;
+  const { element, marked } = globalThis.pidalabPlot;
 
   class Live {
     constructor(host) {
@@ -60,7 +60,7 @@
       this.heard = element("span", { class: "lab-heard" }); // a change of text is announced, one of a label is not
       this.live = element("p", { class: "lab-live", role: "status" }, this.trouble, " ", this.heard);
       this.host.addEventListener("lab-refused", ({ detail }) => { this.trouble.textContent = detail; });
-      const caption = element("p", { class: "lab-caption" }, state.caption ?? "");
+      const caption = element("p", { class: "lab-caption" }, ...marked(state.caption ?? ""));
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
       const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // then the table fills the gap
       const grid = element("div", { class: "lab-plots" }, ...plots, ...(odd ? [this.table] : []));
@@ -71,7 +71,7 @@
       figure.prepend(...parts);
       for (const fold of this.host.querySelectorAll("details.above-input")) fold.remove(); // the code of the picture that was here
       const words = figure.querySelector(".caption-text") ?? figure.querySelector("figcaption");
-      if (state.caption && words) words.textContent = state.caption;
+      if (state.caption && words) words.replaceChildren(element("span", {}, ...marked(state.caption)));
       if (words && this.link) words.append(" ", this.link);
     }
 

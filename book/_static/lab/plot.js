@@ -48,8 +48,14 @@
       else if (value === true) made.setAttribute(key, "");
       else if (value !== false && value != null) made.setAttribute(key, value);
     }
-    made.append(...children);
+    made.append(...children.map((child) => (Array.isArray(child) ? create(made, child) : child)));
     return made;
+  }
+
+  /* A text in parts, its symbols set as in Notation: a letter and an index below the line, Ms as M with the index s. */
+  const SYMBOL = /\b(M(?:ks|s|t)|[kt][pida]|T[fst123])\b/;
+  function marked(text, index = ["sub", {}]) {
+    return text.split(SYMBOL).flatMap((part, k) => (k % 2 ? [part[0], [...index, part.slice(1)]] : part ? [part] : []));
   }
 
   /* Smallest and largest finite value of all lines, with a little air. */
@@ -276,7 +282,8 @@
 
   /* Title, grid and words of a plot. The lines of the grid are one path, its words follow in their order. */
   function grid({ title, x, y, xRange, yRange, px, py }) {
-    const text = (x, y, name, anchor, words) => ["text", { x, y, class: name, "text-anchor": anchor }, words];
+    const below = ["tspan", { "baseline-shift": "sub", "font-size": "75%" }];
+    const text = (x, y, name, anchor, words) => ["text", { x, y, class: name, "text-anchor": anchor }, ...marked(words, below)];
     const across = ticks(xRange, x.log).map((value) => [word(place(px, value)), named(value, x.log)]);
     const up = ticks(yRange, y.log).map((value) => [word(place(py, value)), named(value, y.log)]);
     const lines = [...across.map(([at]) => `M${at} ${TOP}V${HEIGHT - BOTTOM}`), ...up.map(([at]) => `M${LEFT} ${at}H${WIDTH - RIGHT}`)];
@@ -289,5 +296,5 @@
     ];
   }
 
-  globalThis.pidalabPlot = Object.assign(draw, { show, point, element });
+  globalThis.pidalabPlot = Object.assign(draw, { show, point, element, marked });
 })();

@@ -5,7 +5,7 @@
   "use strict";
   const { judge } = globalThis.pidalabJudge;
   const { write } = globalThis.pidalabModel;
-  const { element } = globalThis.pidalabPlot;
+  const { element, marked, show } = globalThis.pidalabPlot;
   const HINT_AFTER = 2, ANSWER_AFTER = 3;
 
   /* Of a field: a letter, its index, and words. */
@@ -45,7 +45,7 @@
 
   const radios = (name, legend, words, id) => {
     const boxes = words.map((_, k) => element("input", { type: "radio", name: `${id}-${name}`, value: k }));
-    const rows = words.map((word, k) => element("label", { class: "task-option" }, boxes[k], " ", word));
+    const rows = words.map((word, k) => element("label", { class: "task-option" }, boxes[k], " ", ...marked(word)));
     return {
       parts: element("fieldset", { class: "task-choice" }, element("legend", {}, legend), ...rows),
       read: () => boxes.findIndex((box) => box.checked), fill: (k) => { if (boxes[k]) boxes[k].checked = true; },
@@ -129,7 +129,7 @@
       const { tries, solved } = this.state, missed = !right && !refused && !busy;
       this.verdict.className = `task-verdict task-${busy ? "busy" : refused ? "refused" : right ? "right" : "wrong"}`;
       const next = !missed || solved ? "" : tries === HINT_AFTER ? " A hint is below." : tries === ANSWER_AFTER ? " The answer is below." : "";
-      this.verdict.textContent = `${say}${next}`;
+      show(this.verdict, ...marked(`${say}${next}`));
       this.badge.textContent = solved ? "✓ solved" : "";
       if (missed && !solved && tries >= HINT_AFTER) this.host.querySelector(".task-hint").open = true;
       if (missed && !solved && tries >= ANSWER_AFTER) this.host.querySelector(".task-answer").open = true;

@@ -110,56 +110,6 @@ class PIDA(Controller):
         if self.kp == 0:
             raise ValueError("kp must not be 0, found 0")
 
-    @classmethod
-    def from_firmware(
-        cls,
-        firmware: str,
-        p: float,
-        i: float,
-        d: float = 0.0,
-        full_output: float = 1.0,
-        time_unit: str = "s",
-        lag: float | None = None,
-    ) -> PIDA:
-        """Return the PID controller that the firmware Klipper or Betaflight runs.
-
-        Parameters
-        ----------
-        firmware : {"klipper", "betaflight", "betaflight-yaw"}
-            The firmware; y is in °C for Klipper, in degrees per second for Betaflight.
-        p, i, d : float
-            Its parameters: pid_Kp, pid_Ki and pid_Kd of Klipper, P, I and D of Betaflight.
-        full_output : float, optional
-            u at full power, not 0: 1, or 100 if u is in per cent.
-        time_unit : {"s", "min", "h"}, optional
-            Unit of time of the controller that is returned.
-        lag : float, optional
-            Time constant of the derivative filter, above 0. The default is that of the firmware: 1 s, the
-            ``smooth_time`` of Klipper, or 2.1 ms, the first filter of Betaflight at 75 Hz.
-
-        Returns
-        -------
-        PIDA
-
-        Raises
-        ------
-        ValueError
-            For an unknown firmware or unit, p = 0, and numbers of different signs.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> running = pidalab.PIDA.from_firmware("klipper", 20.4, 1.02, 102.0)
-        >>> print(f"{running.kp:.4g} {running.ti:.4g} {running.td:.4g} {running.n:.4g}")
-        0.08 20 5 5
-        """
-        from pidalab.plant.vendor import firmware_gains
-
-        gains, usual = firmware_gains(firmware, p, i, d, full_output, time_unit)
-        kp, ti, td, _ = gains.standard()
-        behind = usual if lag is None else _check.real("lag", lag, above=0.0)
-        return cls(kp, ti, td, n=td / behind) if td else cls(kp, ti)
-
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller, eq. (1).
 

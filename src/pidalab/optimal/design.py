@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -110,8 +110,8 @@ def load(
         ``mks`` as they are, ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were asked for, ``active`` (the
         limits that are reached, by name),
         ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
-        shorter would be better) and ``valleys`` (the IAE at which descents from different starts ended: the least
-        first, then others up to twice of it, to two digits; with `start` there is search descent), and ``digits``: how
+        shorter would be better) and ``valleys`` (the IAE at which descents from different starts ended: first that of
+        the design, then others up to twice of it, to two digits; with `start` there is one), and ``digits``: how
         many digits of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
 
     Raises
@@ -259,7 +259,7 @@ def _best(
                 end = finish(search, found.best.x)
                 if end is None:
                     continue
-                found = SearchResult(end, found.valleys)
+                found = SearchResult(end, _valleys(end.value, found.valleys))
             design = judge(process, search, found)
             if best is None or design.iae < best.iae:
                 best = design
@@ -339,7 +339,9 @@ def judge(process: Process, search: Search, found: SearchResult) -> Design:
     info["active"] = (*reached, *none)
     info["edge"] = _edge(search, x)
     info["digits"] = int(-math.log10(max(found.best.step, 1e-9)))
-    info["valleys"] = tuple(problem.time * value for value in found.valleys)
+    # the search follows responses for a limited time; the first valley is this design
+    scale = info["iae"] / found.valleys[0]
+    info["valleys"] = (info["iae"], *(scale * value for value in found.valleys[1:]))
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
 
 
@@ -411,7 +413,7 @@ def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResul
         last = finish(search, start, [best])
         if last is not None and last.value < best.value:
             best = last
-    return SearchResult(best, _valleys([best.value, *(other for other, _ in free)]))
+    return SearchResult(best, _valleys(best.value, (other for other, _ in free)))
 
 
 def _shaken(search: Search, x: Array) -> Iterator[Array]:
@@ -425,11 +427,15 @@ def _shaken(search: Search, x: Array) -> Iterator[Array]:
             yield start
 
 
-def _valleys(values: list[float]) -> tuple[float, ...]:
-    """Return values that differ, each the least of those next to it."""
-    chosen: list[float] = []
-    for value in sorted(values):
-        if not chosen or chosen[-1] * (1 + VALLEY_GAP) < value < VALLEY_REACH * chosen[0]:
+def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
+    """Return the value of the best and others that differ, each the least of those next to it.
+
+    A descent checks its limits on a coarse grid and may end a little beyond them, below the best that keeps them. So
+    the best stands for all ends near or below it.
+    """
+    chosen = [best]
+    for value in sorted(others):
+        if chosen[-1] * (1 + VALLEY_GAP) < value < VALLEY_REACH * best:
             chosen.append(value)
     return tuple(chosen)
 
