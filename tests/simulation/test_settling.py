@@ -35,5 +35,5 @@ def test_a_first_horizon_within_the_dead_time_is_passed_over():
 
 def test_more_dead_times_than_can_be_followed_are_said_in_the_words_of_the_loop():
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 1e-9), pidalab.PIDA(kp=0.8, ti=1.0))
-    with pytest.raises(ValueError, match=r"the loop needs 20 to come to rest, 2e\+10 times the dead time"):
+    with pytest.raises(ValueError, match=r"the loop needs 2e\+10 dead times"):
         simulate_until_settled(pidalab.load_response, loop, 20.0)
