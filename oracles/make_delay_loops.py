@@ -35,7 +35,7 @@ The script fails if one of these checks fails.  Run: python oracles/make_delay_l
 import math
 from fractions import Fraction
 
-from delay_loop_values import reference, stored
+from delay_loop_series import reference, stored
 from mpmath import mpf, workdps
 from problems import store
 

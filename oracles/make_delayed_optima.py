@@ -27,7 +27,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from delay_loop_values import reference
+from delay_loop_series import reference
 from make_limited_optima import Problem
 from make_margins import AxisFunctions, all_margins, unstable_poles
 from mpmath import diff, exp, fabs, mp, mpc, mpf

@@ -29,7 +29,7 @@ Run: python oracles/make_measures.py
 
 from itertools import pairwise
 
-from delay_loop_values import reference
+from delay_loop_series import reference
 from mpmath import fabs, mp, mpf, nstr
 from problems import poly, store
 from quasipolynomials import shifted

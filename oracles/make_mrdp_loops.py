@@ -14,7 +14,7 @@ coefficients come from the program under test.
 The script fails if a check fails.  Run: python oracles/make_mrdp_loops.py
 """
 
-from delay_loop_values import reference, stored
+from delay_loop_series import reference, stored
 from problems import store
 
 DIGITS = 110

@@ -63,7 +63,7 @@ def test_closed_loop_is_that_of_python_control_without_dead_time():
 
 @pytest.mark.parametrize(
     "controller",
-    [2, 2.0, np.float64(2.0), control.tf([2.0], [1.0]), control.ss([], [], [], [[2.0]])],
+    [2, 2.0, np.float64(2.0), control.tf([2.0], [1.0])],
     ids=repr,
 )
 def test_what_may_be_a_controller(controller):

@@ -201,7 +201,7 @@ def test_error_against_a_filtered_set_point():
     assert run.ise() == pytest.approx(
         0.25 * (1 - np.exp(-2 * T[-1]) * (1 + 2 * T[-1] + 2 * T[-1] ** 2)), rel=1e-8
     )
-    with pytest.raises(ValueError, match="the reference must have the same times"):
+    with pytest.raises(ValueError, match="reference must have the same times"):
         run.against(pidalab.open_loop_step(pidalab.lags(2), T[:-1]))
 
 

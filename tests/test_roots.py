@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize, root, root_scalar
 
 import pidalab
-from pidalab.roots import border, roots, succeeded
+from pidalab.roots import border, roots
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ ALSO = {
     "book/across/rules-compared.html#the-rules-as-published": "SIMC Skogestad tuning rules",
     "book/across/rules-compared.html#your-rule-here": "SIMC improved own rule benchmark compare 134 plants",
     "book/notation.html#conventions": "definition of IAE ISE ITAE TV settling time overshoot",
-    "book/api/process.html#pidalab.fopdt": "first order plus dead time FOPDT FOLPD",
+    "book/api/data.html#pidalab.fopdt": "first order plus dead time FOPDT FOLPD",
     "book/api/rules.html#module-pidalab.rules.classical": "Ziegler–Nichols lambda tuning",
     "book/api/rules.html#pidalab.rules.itae.imc_pid": "IMC internal model control",
 }

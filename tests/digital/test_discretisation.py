@@ -92,8 +92,8 @@ PID = PIDA(1.0, 2.0, 0.5)
             60.0,
             r"sample_time should be at most 1, the integral time kp/ki .*, found 60: .*unit",
         ),
-        (PIDA(1.0, math.inf, 0.5), 0.6, "at most 0.5, the derivative time kd/kp"),
-        (SeriesPIDA(1.0, 0.0, 0.0, 3.0, 0.1, 0), 3.1, "at most 3, the integral time"),
+        (PIDA(1.0, math.inf, 0.5), 0.6, "at most the derivative time kd/kp, 0.5"),
+        (SeriesPIDA(1.0, 0.0, 0.0, 3.0, 0.1, 0), 3.1, "at most the integral time kp/ki, 3"),
     ],
 )
 def test_long_sample_times_warn(controller, h, message):

@@ -1,16 +1,82 @@
-"""The ledgers of this book, and the pages that hand them over."""
+"""The ledgers of this book, and the page *Keep such a ledger for your own paper*, followed step by step."""
 
 import json
+import os
 import re
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
 from paperledger import papers, read_rows
 from paperledger.pages import claims
 from paperledger.running import cells, pages
 
 ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "book" / "keep-a-ledger.md").read_text(encoding="utf-8")
+FILES = dict(re.findall(r"```\{code-block\} \w+\n:caption: ([^\n]+)\n\n(.*?)```", PAGE, flags=re.DOTALL))
+COMMANDS = [
+    line for block in re.findall(r"```bash\n(.*?)```", PAGE, flags=re.DOTALL) for line in block.splitlines()
+]
+SAID = {
+    "update": r"left to do:\n" + re.escape(re.search(r"`(doe2030\.table1\.y20: file says[^`]*)`", PAGE)[1]),
+    "check": "doe2030: 4 claims, 2 reproduced, 1 holds, 1 misprint",
+    "manifest": "manifest: rewritten",
+    "show": r"misprint +doe2030\.table1\.y20: growth in 20 years \(Table 1\) +1\.086 +1\.8061",
+    "shake": re.search(r"`(doe2030: 4 of 4 rows move)`", PAGE)[1],
+}
+
+
+def test_the_page_alone_is_enough(tmp_path):
+    ledger = tmp_path / "book" / "ledger" / "doe2030.csv"
+    ledger.parent.mkdir(parents=True)
+    ledger.write_text(FILES["book/ledger/doe2030.csv"], encoding="utf-8")
+    (tmp_path / "growth.py").write_text(FILES["growth.py"], encoding="utf-8")
+    cells = [text for name, text in FILES.items() if name.startswith("book/doe2030.ipynb")]
+    code = [{"cell_type": "code", "metadata": {}, "outputs": [], "source": text} for text in cells]
+    (tmp_path / "book" / "doe2030.ipynb").write_text(json.dumps({"cells": code}), encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    assert [command.split()[3] for command in COMMANDS] == [*SAID]
+    for command in COMMANDS:
+        words = command.split()
+        run = subprocess.run(
+            [sys.executable, *words[1:]],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            check=False,
+        )
+        if words[3] == "shake" and not hasattr(os, "fork"):
+            assert "takes a system that can fork" in run.stderr
+            continue
+        assert re.search(SAID[words[3]], run.stdout + run.stderr), run.stdout + run.stderr
+        if words[3] == "update":  # what is left to a person
+            assert run.returncode == 1
+            row = FILES["row doe2030.table1.y20"].strip()
+            lines = ledger.read_text(encoding="utf-8").splitlines()
+            ledger.write_text(
+                "\n".join(row if line.startswith(row.split(",")[0]) else line for line in lines) + "\n",
+                encoding="utf-8",
+            )
+        else:
+            assert run.returncode == 0
+    assert [row.verdict for row in read_rows(ledger)] == ["reproduced", "reproduced", "misprint", "holds"]
+
+
+def test_its_workflow_runs_these_commands():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert f"git+{project['urls']['Repository']} " in FILES[".github/workflows/account.yml"]
+    steps = yaml.safe_load(FILES[".github/workflows/account.yml"])["jobs"]["account"]["steps"]
+    assert {"python -m paperledger check", "python -m paperledger shake growth"} <= {
+        one.get("run") for one in steps
+    }
+
+
 LEDGERS = ROOT / "book" / "ledger"
 MASKS = re.compile(r"#\s*(NBVAL_\w+|PYTEST_VALIDATE\w*)|raises-exception|nbval-|skip-execution|remove-output")
 

@@ -3,10 +3,8 @@
 import dataclasses
 import math
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.lines import AxLine
 
 import pidalab
 from pidalab.robustness import circle, linear_part, popov, smallest_filter_time

@@ -1,7 +1,5 @@
 """Find what is wrong with an open page, on wide and narrow screens."""
 
-from collections.abc import Iterable
-
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
@@ -86,29 +84,6 @@ FIGURES = """async () => {
   return found;
 }"""
 
-# Words of first columns, tables in folds too, that go on in the next line though a column of the width that a phone
-# has for it would hold them.
-BROKEN = r"""() => {
-  const shut = [...document.querySelectorAll("main details:not([open])")], range = document.createRange(), found = [];
-  shut.forEach((fold) => { fold.open = true; });
-  for (const cell of document.querySelectorAll("main table tr > :first-child")) {
-    const walker = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
-    while (walker.nextNode()) {
-      const { currentNode: text } = walker;
-      if (text.parentElement.closest("mjx-container")) continue;
-      for (const word of text.data.matchAll(/[\p{L}\p{N}_.,]+/gu)) {
-        range.setStart(text, word.index);
-        range.setEnd(text, word.index + word[0].length);
-        const boxes = [...range.getClientRects()], width = boxes.reduce((sum, box) => sum + box.width, 0);
-        const lines = new Set(boxes.map((box) => Math.round(box.top))).size;
-        if (lines > 1 && width < 130) found.push(`broken in a first column: ${word[0]}`);
-      }
-    }
-  }
-  shut.forEach((fold) => { fold.open = false; });
-  return found;
-}"""
-
 # Tables, those in folds too, that do not fit a wide screen.
 WIDE_TABLES = """() => {
   const shut = [...document.querySelectorAll("main details:not([open])")];
@@ -123,102 +98,12 @@ WIDE_TABLES = """() => {
 
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
-# Formulas as boxes of their size and code as plain text: axe-core is not to take their thousands of parts apart. The
-# theme makes what scrolls a stop of the Tab key 0.3 s after the last change of the page or of its size; here, at once.
-PLAINER = """() => {
-  const all = (selector) => [...document.querySelectorAll(selector)];
-  const later = setTimeout;
-  globalThis.setTimeout = (act, _, ...given) => later(act, 0, ...given);
-  document.querySelector("main").append("");  // a change, if there is no other
-  const formulas = all("mjx-container"), sizes = formulas.map((one) => one.getBoundingClientRect());
-  formulas.forEach((one, k) => {
-    const box = document.createElement("span");
-    box.textContent = "x";
-    box.style.cssText = `display: inline-block; width: ${sizes[k].width}px; height: ${sizes[k].height}px`;
-    one.replaceWith(box);
-  });
-  for (const code of all("pre:not(:has(a, button, [tabindex]))")) {
-    code.parts = [...code.childNodes];
-    code.textContent = code.textContent;
-  }
-  globalThis.settled = new Promise((done) => later(() => later(done)));  // after the theme's
-}"""
-COLOURED = (
-    "() => document.querySelectorAll('pre').forEach((one) => one.parts && one.replaceChildren(...one.parts))"
-)
-
-COLOURS = ("color-contrast", "link-in-text-block")
-MOST = 8  # texts of a kind whose colours are judged
-# A few visible texts and links of each kind that was not judged before, from all over the page: what contrast depends
-# on is the same for all of a kind, and so is what tells a link from the text around it; but axe-core does not judge a
-# single letter, nor a text that something else covers in part.
-MARK_KINDS = """([most, judged]) => {
-  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = new Set();
-  const kinds = new Map(), grounds = new Map(), fades = new Map();
-  const add = (parts, one) => {
-    const kind = parts.join("|");
-    if (!kinds.has(kind)) kinds.set(kind, []);
-    kinds.get(kind).push(one);
-  };
-  while (walker.nextNode()) {
-    const { data, parentElement } = walker.currentNode;
-    if (data.trim().length > 1 && !parentElement.closest("mjx-container")) texts.add(parentElement);
-  }
-  const ground = (one) => {  // colours behind a text, down to the first that nothing shines through
-    if (!one) return "";
-    if (!grounds.has(one)) {
-      const { backgroundColor, backgroundImage } = getComputedStyle(one), plain = backgroundImage === "none";
-      const own = backgroundColor === "rgba(0, 0, 0, 0)" && plain ? "" : `${backgroundColor} ${backgroundImage} `;
-      grounds.set(one, own + (backgroundColor.startsWith("rgb(") && plain ? "" : ground(one.parentElement)));
-    }
-    return grounds.get(one);
-  };
-  const faded = (one) => {
-    if (!one) return 1;
-    if (!fades.has(one)) fades.set(one, getComputedStyle(one).opacity * faded(one.parentElement));
-    return fades.get(one);
-  };
-  for (const text of texts) {
-    if (!text.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
-    const { color, fontSize, fontWeight, textShadow } = getComputedStyle(text);
-    const link = text.closest("a[href]");
-    if (link) {
-      const around = getComputedStyle(link.parentElement);
-      const looks = (s) => [
-        s.color, s.backgroundColor, s.borderBottomStyle, s.display, s.fontSize, s.fontStyle, s.fontWeight,
-        s.textDecorationLine,
-      ];
-      add(["link", ...looks(getComputedStyle(link)), ...looks(around)], link);
-    }
-    const size = parseFloat(fontSize), large = size >= 24 || (size > 18.6 && fontWeight >= 700);
-    add([color, large, textShadow, ground(text), faded(text)], text);
-  }
-  for (const marked of document.querySelectorAll("[data-kind]")) marked.removeAttribute("data-kind");
-  for (const kind of judged) kinds.delete(kind);
-  for (const same of kinds.values())
-    for (let k = 0; k < most; k++) same[Math.floor(k * (same.length - 1) / (most - 1))].dataset.kind = "";
-  return [...kinds.keys()];
-}"""
-
-
-# What holds no marked text, emptied: a page of thousands of cells takes axe-core seconds for each theme. The rows stay,
-# so that stripes do.
-EMPTY_UNMARKED = """() => {
-  const empty = (one) => {
-    for (const child of one.children)
-      if (child.matches("[data-kept]") || child.querySelector("[data-kept]")) empty(child);
-      else if (!child.matches("style, script")) child.replaceChildren();
-  };
-  empty(document.body);
-}"""
 # Halfway between themes a colour is none, nor is a width between two screens.
 STILL = "* { transition: none !important }"
 # axe-core judges no text on a gradient: that of what scrolls lies on the colour of its ground.
 PLAIN = "* { background-image: none !important }"
-ONLY_MARKED = """() => axe.configure({ rules: [
-  { id: "color-contrast", selector: "[data-kind]" }, { id: "link-in-text-block", selector: "a[data-kind]" },
-] })"""
-KEEP_MARKED = "() => document.querySelectorAll('[data-kind]').forEach((one) => { one.dataset.kept = '' })"
+COLOURS = ["color-contrast", "link-in-text-block"]
+AXE = "async ([where, options]) => (await axe.run(where, options)).violations"
 IN_THEME = "(theme) => { document.documentElement.dataset.theme = theme }"
 
 
@@ -232,60 +117,36 @@ def problems(page: Page) -> list[str]:
     return wrong
 
 
-def mark_kinds(page: Page, judged: Iterable[str] = ()) -> list[str]:
-    """Mark a few texts and links of each kind whose colours were not judged before; returns these kinds."""
-    return page.evaluate(MARK_KINDS, [MOST, list(judged)])
-
-
 def barriers(page: Page, **options) -> list[str]:
-    """List the findings of axe-core, less the accepted ones; colours are judged on marked texts alone."""
+    """List the findings of axe-core outside formulas and code, less the accepted ones."""
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
-        page.evaluate(ONLY_MARKED)
-    page.evaluate("() => globalThis.settled")
     # Without preload: axe would ask for stylesheets itself, and look for some in the wrong place.
     options = {"resultTypes": ["violations"], "preload": False, **options}
     return [
         f"axe {finding['id']}: {node['html']}"
-        for finding in page.evaluate("async (options) => (await axe.run(options)).violations", options)
+        for finding in page.evaluate(AXE, [{"exclude": [["mjx-container"], ["pre"]]}, options])
         for node in finding["nodes"]
         if not any(finding["id"] == rule and mark in node["html"] for rule, mark in ACCEPTED)
     ]
 
 
 def looked_over(page: Page) -> list[str]:
-    """List what is wrong with a page, narrow and wide; its formulas become boxes."""
+    """List what is wrong with a page, narrow and wide, apart from its colours."""
     page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
-    wrong = [
-        f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES) + page.evaluate(BROKEN)
-    ]
+    wrong = [f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES)]
     page.set_viewport_size(WIDE)
     wrong += problems(page) + page.evaluate(WIDE_TABLES)
-    page.evaluate(PLAINER)
-    wrong += barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
-    page.evaluate(COLOURED)
-    return wrong
+    page.wait_for_timeout(400)  # until the theme has made what scrolls a stop of the Tab key
+    return wrong + barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
 
 
-def contrasts(page: Page, judged: set[str]) -> list[str]:
-    """Texts too pale and links too like them in light or in the dark, of kinds not judged before; these are added.
-
-    Little is left of the page: its own scripts may stumble from now on.
-    """
+def contrasts(page: Page) -> list[str]:
+    """List texts too pale, and links too like the text around them, in light and in the dark."""
     page.add_style_tag(content=STILL + PLAIN)
-    new = []
-    for theme in ("light", "dark"):  # what is one kind in one may be two in the other
-        page.evaluate(IN_THEME, theme)
-        new += mark_kinds(page, judged)
-        page.evaluate(KEEP_MARKED)
-    if not new:
-        return []
-    page.evaluate(EMPTY_UNMARKED)
     wrong = []
     for theme in ("light", "dark"):
         page.evaluate(IN_THEME, theme)
-        mark_kinds(page, judged)
         wrong += [f"{theme}: {text}" for text in barriers(page, runOnly=COLOURS)]
-    judged.update(new)
     return wrong

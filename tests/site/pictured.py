@@ -1,5 +1,6 @@
-"""What a plot of the lab shows, read back from its picture: the numbers on its axes, and its lines in these."""
+"""Read back what the lab and live figures show: the numbers and lines of a plot, and what each knob changes."""
 
+import json
 import re
 from dataclasses import dataclass
 
@@ -105,3 +106,129 @@ def plots(host) -> dict[str, Plot]:
             svg["title"], *axes, svg["frame"], [(kind, _points(d)) for kind, d in svg["lines"]]
         )
     return found
+
+
+# --- live figures ----------------------------------------------------------------------------------------------------
+
+HEARD = """() => [...document.querySelectorAll(".pidalab-live .lab-live")].every((words) => words.textContent.trim())"""
+UNDRAWN = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
+  ...(host.querySelectorAll(".lab-plots svg").length ? [] : [`figure ${k}: no plot`]),
+  ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
+  ...[host.querySelector(".lab-trouble")?.textContent].filter(Boolean),
+])"""
+# Both ends of a knob's range where a twentieth of it, or the least step, moves no line and no number.
+IDLE_ENDS = """async (bar) => {
+  const figure = bar.closest(".pidalab-live"), low = Number(bar.min), high = Number(bar.max);
+  const step = Math.max(Number(bar.step), (high - low) / 20);
+  const shown = async (value) => {
+    bar.valueAsNumber = value;
+    bar.dispatchEvent(new Event("input", { bubbles: true }));
+    await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const numbers = [...figure.querySelectorAll("td")].map((cell) => cell.textContent);
+    return [figure.querySelector(".lab-plots").innerHTML, ...numbers].join();
+  };
+  const idle = [];
+  for (const [end, value, back] of [["low", low, low + step], ["high", high, high - step]])
+    if ((await shown(value)) === (await shown(back))) idle.push(end);
+  return idle;
+}"""
+# A figure draws at the next frame after a knob has moved.
+DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
+# What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
+EXPECTED = """([told, turned]) => {
+  const { PLANTS, RULES, study } = pidalabModel, { NUMBERS } = pidalabLab;
+  const plant = structuredClone(PLANTS[told.plant] ?? told.plant), conditions = { end: plant.end, ...told.conditions };
+  const rule = RULES[told.rule ?? "hand"], designs = structuredClone(told.designs);
+  for (const [{ key, design }, value] of turned) {
+    if (key === "plant.delay") plant.delay = value;
+    else if (key === "limits") conditions.limits = [-value, value];
+    else if (key === "limits.low") conditions.limits = [value, conditions.limits[1]];
+    else if (["trackingTime", "sampleTime"].includes(key)) conditions[key] = value;
+    else if (key === "ms" && design === undefined) told.ms = value;
+    else for (const one of designs.filter((_, k) => design === undefined || k === design)) one[key] = value;
+  }
+  const made = designs.map((design) => rule.apply(plant, design, design[rule.knob] ?? told[rule.knob]));
+  return designs.map((design, k) => {
+    const found = study(plant, made[k], { ...conditions, ...design.conditions });
+    const known = (key) => found.stable || ["first", "hump"].includes(key);
+    return told.numbers.map((key) => (known(key) ? String(NUMBERS[key][1](found)) : null));
+  });
+}"""
+
+
+def undrawn(page):
+    """Live figures of an open page without a plot, with a loop that could not be made, or without words for it."""
+    page.wait_for_function(HEARD, timeout=20_000)
+    return page.evaluate(UNDRAWN)
+
+
+def told(path):
+    """Read the settings of the live figures of a built page."""
+    found = re.findall(
+        r'class="pidalab-live".*?<script type="application/json">(.*?)</script>',
+        path.read_text(encoding="utf-8"),
+        re.DOTALL,
+    )
+    return [json.loads(text) for text in found]
+
+
+def rows(host):
+    """Cells of the table without its head, names aside."""
+    return [row[1:] for row in host.evaluate(CELLS)[1:]]
+
+
+def as_shown(numbers):
+    """Numbers of a loop with three digits; what an unstable one lacks is one cell."""
+    known = [f"{float(text):.3g}" for text in numbers if text is not None]
+    return [*(["unstable"] if len(known) < len(numbers) else []), *known]
+
+
+def as_read(row):
+    return [
+        f"{float(text.replace('∞', 'inf')):.3g}" if text[-1].isdigit() or text == "∞" else text
+        for text in row
+    ]
+
+
+def idle_ends(page, host, knob):
+    """Ends of a knob's range where nothing moves; the knob is left as it was."""
+    row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
+    box = row.locator("input[type=text]")
+    before = box.input_value()
+    ends = row.locator("input[type=range]").evaluate(IDLE_ENDS)
+    box.fill(before)
+    box.press("Enter")
+    return [f"{knob['label']}: idle at the {end} end of its range" for end in ends]
+
+
+def turn(page, host, knob):
+    """Move a knob by a tenth of its range; returns its new value once the figure has followed."""
+    row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
+    bar = row.locator("input[type=range]")
+    before = [bar.element_handle(), bar.get_attribute("aria-valuetext")]
+    bar.press("PageUp")
+    page.wait_for_function("([bar, before]) => bar.ariaValueText !== before", arg=before, timeout=20_000)
+    page.evaluate(DRAWN)
+    value = row.locator("input[type=text]").input_value()
+    assert bar.get_attribute("aria-valuetext").startswith(f"{knob['label']} ")
+    return float(value)
+
+
+def astray(page, path):
+    """Turn each knob of each live figure of an open page, and list what goes wrong."""
+    figures, wrong = told(path), undrawn(page)
+    if page.locator(".pidalab-live").count() != len(figures):
+        wrong.append(f"{len(figures)} live figures in the source, not so many on the page")
+    for k, figure in enumerate(figures):
+        host, turned = page.locator(".pidalab-live").nth(k), []
+        wrong += [f"figure {k}, {words}" for knob in figure["knobs"] for words in idle_ends(page, host, knob)]
+        for knob in figure["knobs"]:
+            turned.append((knob, turn(page, host, knob)))
+            expected = page.evaluate(EXPECTED, [figure, turned])
+            found, due = [as_read(row) for row in rows(host)], [as_shown(row) for row in expected]
+            if found != due:
+                wrong.append(f"figure {k}, {knob['label']}: {found} for {due}")
+        if len(plots(host)) != len(figure["plots"]):
+            wrong.append(f"figure {k}: {len(plots(host))} plots for {figure['plots']}")
+    return wrong

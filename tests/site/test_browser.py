@@ -7,8 +7,8 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
-from looking import NARROW, contrasts, looked_over
-from turning import astray
+from looking import NARROW, OVERFLOW, barriers, contrasts, looked_over
+from pictured import astray
 
 from paperledger import papers
 
@@ -33,18 +33,30 @@ def home(site):
         yield address
 
 
-@pytest.fixture(scope="module")
-def judged():
-    """Kinds of text whose contrast was judged on a page before."""
-    return set()
-
-
-def test_page(page_name, home, site, visit, judged):
+def test_page(page_name, home, site, visit):
     """A page is loaded once for all that is looked at, since that takes longest."""
     page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
-    found = astray(page, site / f"{page_name}.html") + looked_over(page) + wrong
-    assert found + contrasts(page, judged) == []
+    assert astray(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
+
+
+# pages with every kind of text, table, figure and control that the book has
+COLOURED = [
+    "intro",
+    "lab",
+    "how-we-know",
+    "how-do-i",
+    "errata",
+    "learn/limits",
+    "across/which-controller",
+    "api/loop",
+]
+
+
+@pytest.mark.parametrize("name", COLOURED)
+def test_texts_and_links_stand_out(name, home, visit):
+    page, _ = visit(f"{home}/book/{name}.html")
+    assert contrasts(page) == []
 
 
 def test_every_page_forbids_other_hosts(site):
@@ -82,17 +94,7 @@ def test_the_theme_is_that_of_the_readers_system(home, visit):
     assert wrong == []
 
 
-WORDS = [
-    "Bode",
-    "anti-windup",
-    "two degrees of freedom",
-    "SIMC",
-    "PIDA",
-    "dead time",
-    "noise",
-    "windup",
-    "IAE",
-]
+WORDS = ["Bode", "two degrees of freedom", "SIMC", "PIDA", "dead time", "noise", "IAE"]
 NOT_FIRST = re.compile(r"book/(api|audit|bibliography|scoreboard|errata)")
 
 
@@ -110,42 +112,27 @@ def test_search_leads_to_sections_and_to_chapters_first(words, home, visit):
 # What a reader would type, and where a good answer is: among the first three sections found.
 ANSWERED = {
     "install": "how-do-i.html#install",
-    "how to install pidalab": "how-do-i.html#install",
-    "download": "how-do-i.html#install",
     "cite": "how-do-i.html#cite",
-    "licence": "how-do-i.html#cite",
     "bumpless transfer": "digital.html#bumpless-transfer",
-    "manual to automatic": "digital.html#bumpless-transfer",
     "step response identification": "design.html",
-    "tune from data": "design.html",
     "system identification": "design.html#fit",
     "Ziegler Nichols": "rules.html",
-    "Ziegler–Nichols": "rules.html",
     "lambda tuning": "rules.html",
-    "first order plus dead time": "process.html#pidalab.fopdt",
+    "first order plus dead time": "data.html#pidalab.fopdt",
     "setpoint weighting": "how-do-i.html#weigh-the-set-point",
-    "derivative kick": "how-do-i.html#weigh-the-set-point",
     "derivative filter": "filter-and-noise.html",
     "anti-windup": "limits.html",
-    "integrator windup": "limits.html",
     "gain margin": "tuning.html#what-ms-means",
-    "maximum sensitivity": "tuning.html#what-ms-means",
-    "PLC code": "design.html#write",
     "C code": "how-do-i.html#get-c-code",
     "sampling time": "digital.html#choose-h",
-    "aliasing": "digital.html",
     "Bode plot": "how-do-i.html#draw-a-bode-plot",
     "cascade control": "how-do-i.html#control-a-cascade",
-    "gain scheduling": "how-do-i.html#gain-scheduling",
     "Smith predictor": "how-do-i.html#also-not-supported",
     "Matlab": "how-do-i.html#hand-a-controller",
     "settling time": "notation.html#conventions",
     "PIDD2": "what-acceleration-does.html#names",
-    "2DOF": "how-do-i.html#weigh-the-set-point",
     "temperature control Arduino": "heater.html",
-    "dead time compensation": "how-do-i.html#also-not-supported",
     "IMC": "rules.html#pidalab.rules.itae.imc_pid",
-    "acceleration term": "what-acceleration-does.html",
 }
 FOUND = """(queries) => queries.map((query) => {
   Search.performSearch(query);
@@ -163,28 +150,6 @@ def test_what_readers_type_is_found(home, visit):
         if not any(answer in each for each in found[query])
     }
     assert (missed, wrong) == ({}, [])
-
-
-# What the search shows of a long section whose title alone has its word, and how the section begins.
-IN_ITS_TITLE = """() => {
-  for (const { title, page, text, url } of bookSections) {
-    const lower = text.toLowerCase();
-    const absent = (each) => /^[a-z]{6,}$/i.test(each) && !lower.includes(each.toLowerCase());
-    const word = title.split(" ").find(absent);
-    if (!word || text.length < 400 || page.includes(word)) continue;
-    Search.performSearch(word);
-    const hits = [...document.querySelectorAll("#search-results li")];
-    const hit = hits.find((li) => li.querySelector("a").href.endsWith(url));
-    if (hit) return [hit.querySelector(".context").textContent, text];
-  }
-}"""
-
-
-def test_a_word_of_the_title_alone_shows_how_its_section_begins(home, visit):
-    page, _ = visit(f"{home}/search.html?q=noise")
-    page.locator("#search-results li a").first.wait_for()
-    shown, text = page.evaluate(IN_ITS_TITLE)
-    assert shown.startswith(text[:200])
 
 
 def test_focus_is_seen(home, visit):
@@ -207,3 +172,98 @@ def test_print_unfolds_all_but_answers(home, visit):
     }
     assert seen == {False}
     assert page.locator(".admonition.dropdown:not(.solution) table").is_visible()
+
+
+FETCHED = (
+    "theme => [...document.querySelectorAll(`main img.only-${theme}`)].some((image) => image.naturalWidth)"
+)
+
+
+def test_a_phone_fetches_the_figures_of_its_theme(visit, site):
+    page, _ = visit((site / "book" / "learn" / "limits.html").as_uri(), viewport=NARROW)
+    assert [page.evaluate(FETCHED, theme) for theme in ("light", "dark")] == [True, False]
+
+
+MARKS = ('class="pidalab-live"', 'class="pidalab-lab"')
+COUNTS = """() => [...document.querySelectorAll(".pidalab-live")].map((figure) => [...figure.querySelectorAll("img")]
+  .filter((image) => image.checkVisibility() && image.complete && image.naturalWidth > 0 && image.alt.trim()).length)"""
+
+
+def test_pages_without_javascript_show_pictures(browser, site):
+    """One for each live figure in each theme; the lab says what it needs."""
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    paths = [
+        one
+        for one in (site / "book").rglob("*.html")
+        if any(mark in one.read_text("utf-8") for mark in MARKS)
+    ]
+    assert len(paths) == 12  # six lectures, five chapters, the lab
+    for path in paths:
+        page.goto(path.as_uri())
+        for theme in ("light", "dark"):
+            page.emulate_media(color_scheme=theme)
+            assert set(page.evaluate(COUNTS)) <= {1}, (path.name, theme)
+        assert all("needs JavaScript" in words for words in page.locator(".pidalab-lab").all_inner_texts())
+    context.close()
+
+
+# --- slides --------------------------------------------------------------------------------------------------------
+
+KINDS = ".pidalab-live, .pidalab-task, .exercise, figure, .math.notranslate"
+SHOWN = (
+    "() => [...document.querySelectorAll('.slide')].findIndex((slide) => slide.classList.contains('now')) + 1"
+)
+BESIDE = "() => { const now = document.querySelector('.now'); return now.scrollWidth - now.clientWidth }"
+PROJECTOR = {"width": 1280, "height": 720}
+
+
+@pytest.fixture(scope="module")
+def lectures(site, root):
+    return {
+        path.stem: (site / "book/learn" / f"{path.stem}.html").as_uri()
+        for path in root.glob("book/learn/*.ipynb")
+    }
+
+
+def test_slides_have_all_parts_of_every_lecture(lectures, visit):
+    for name, address in lectures.items():
+        page, _ = visit(address)
+        on_page = page.locator(f"article :is({KINDS})").count()
+        page, wrong = visit(f"{address}#slides", viewport=PROJECTOR)
+        assert page.locator(f".slide :is({KINDS})").count() == on_page, name
+        count = page.locator(".slide").count()
+        for number in range(1, count + 1):
+            assert page.evaluate(SHOWN) == number, name
+            assert (
+                page.evaluate(
+                    "() => { const s = document.querySelector('.now'); return s.scrollWidth - s.clientWidth }"
+                )
+                <= 0
+            )
+            page.keyboard.press("PageDown")
+        assert page.locator(".pidalab-live .lab-plots svg").count() >= 1, name
+        assert wrong == [], name
+
+
+def test_slides_in_the_dark_on_a_phone(lectures, visit):
+    page, wrong = visit(f"{lectures['what-acceleration-does']}#slides-5", "dark", NARROW)
+    assert page.evaluate(SHOWN) == 5
+    assert page.evaluate(OVERFLOW) <= 1
+    page.keyboard.press("n")
+    assert page.locator(".now > .notes").first.is_visible()
+    page.keyboard.press("Home")
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate(SHOWN) == 2
+    assert wrong + barriers(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
+
+
+def test_a_slider_keeps_its_keys(lectures, visit):
+    page, _ = visit(f"{lectures['what-acceleration-does']}#slides")
+    while not page.locator(".now .pidalab-live").count():
+        page.keyboard.press("ArrowRight")
+    before = page.evaluate(SHOWN)
+    page.locator(".now input[type=range]").first.press("ArrowRight")
+    assert page.evaluate(SHOWN) == before
+    page.keyboard.press("Escape")
+    page.wait_for_function("() => !document.querySelector('.slide')")

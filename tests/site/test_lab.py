@@ -22,7 +22,7 @@ from driving import (
     value_of,
     wait_for_columns,
 )
-from looking import NARROW, OVERFLOW, barriers, mark_kinds
+from looking import NARROW, OVERFLOW, barriers
 from pictured import plots
 
 import pidalab
@@ -721,5 +721,4 @@ def test_dark_on_a_phone(lab):
     assert page.locator("html").get_attribute("data-theme") == "dark"
     assert page.evaluate(OVERFLOW) <= 1
     assert page.locator(".lab-plots svg").count() == 6
-    mark_kinds(page)
     assert barriers(page, runOnly=["color-contrast"]) == []

@@ -6,8 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from pictured import plots
-from turning import CELLS, idle_ends, rows, undrawn
+from pictured import CELLS, idle_ends, plots, rows, undrawn
 
 import pidalab
 from pidalab.digital import DigitalController

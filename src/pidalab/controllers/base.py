@@ -147,16 +147,13 @@ class Controller(Block):
         """
         raise TypeError(f"{type(self).__name__} must define parts")
 
-    def vendor_forms(self, time_unit: str = "s", full_output: float | None = None) -> VendorForms:
+    def vendor_forms(self, time_unit: str = "s") -> VendorForms:
         """Return the unfiltered gains as parameters of the blocks that vendors sell.
 
         Parameters
         ----------
         time_unit : {"s", "min", "h"}, optional
             Unit of the model's time.
-        full_output : float, optional
-            u at full power, such as 1 or 100. If given, the result includes the numbers of the firmware Klipper (y in
-            °C) and Betaflight (y in degrees per second).
 
         Returns
         -------
@@ -176,12 +173,10 @@ class Controller(Block):
         series:   Kc = 1, Ti [s] = 60, Ti [min] = 1, repeats/min = 1, Td [s] = 60, Td [min] = 1
         parallel: Kp = 2, Ki [1/s] = 0.016667, Ki [1/min] = 1, Kd [s] = 60, Kd [min] = 1
         filters:  derivative 3 s
-        >>> print(pidalab.PIDA(kp=0.08, ti=20.0, td=5.0).vendor_forms("s", full_output=1.0).klipper)
-        {'pid_Kp': 20.4, 'pid_Ki': 1.02, 'pid_Kd': 102.0}
         """
         from pidalab.plant.vendor import vendor_forms
 
-        return vendor_forms(self.gains(), self.parts(), time_unit, full_output)
+        return vendor_forms(self.gains(), self.parts(), time_unit)
 
     def discretise(
         self, sample_time: float, method: str = "backward", output_filter: Any = None, **options: Any

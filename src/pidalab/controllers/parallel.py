@@ -35,9 +35,9 @@ def _fraction(kp: float, ti: float, parts: tuple[FilteredGains, ...]) -> Fractio
     if math.isfinite(ti):
         num, den = np.array([kp * ti, kp]), np.array([ti, 0.0])
     for part in parts[1:]:
-        own = binomial(part.filter_time, part.filter_order)
-        num = np.polyadd(np.convolve(num, own), np.convolve(part.gains[:0:-1], den))
-        den = np.convolve(den, own)
+        lags = binomial(part.filter_time, part.filter_order)
+        num = np.polyadd(np.convolve(num, lags), np.convolve(part.gains[:0:-1], den))
+        den = np.convolve(den, lags)
     return _check.polynomial("num", num), den
 
 
@@ -109,56 +109,6 @@ class PIDA(Controller):
         coerce_floats(self, ("td", "ta"), at_least=0.0)
         if self.kp == 0:
             raise ValueError("kp must not be 0, found 0")
-
-    @classmethod
-    def from_firmware(
-        cls,
-        firmware: str,
-        p: float,
-        i: float,
-        d: float = 0.0,
-        full_output: float = 1.0,
-        time_unit: str = "s",
-        lag: float | None = None,
-    ) -> PIDA:
-        """Return the PID controller that the firmware Klipper or Betaflight runs.
-
-        Parameters
-        ----------
-        firmware : {"klipper", "betaflight", "betaflight-yaw"}
-            The firmware; y is in °C for Klipper, in degrees per second for Betaflight.
-        p, i, d : float
-            Its parameters: pid_Kp, pid_Ki and pid_Kd of Klipper, P, I and D of Betaflight.
-        full_output : float, optional
-            u at full power, not 0: 1, or 100 if u is in per cent.
-        time_unit : {"s", "min", "h"}, optional
-            Unit of time of the controller that is returned.
-        lag : float, optional
-            Time constant of the derivative filter, above 0. The default is that of the firmware: 1 s, the
-            ``smooth_time`` of Klipper, or 2.1 ms, the first filter of Betaflight at 75 Hz.
-
-        Returns
-        -------
-        PIDA
-
-        Raises
-        ------
-        ValueError
-            For an unknown firmware or unit, p = 0, and numbers of different signs.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> running = pidalab.PIDA.from_firmware("klipper", 20.4, 1.02, 102.0)
-        >>> print(f"{running.kp:.4g} {running.ti:.4g} {running.td:.4g} {running.n:.4g}")
-        0.08 20 5 5
-        """
-        from pidalab.plant.vendor import firmware_gains
-
-        gains, usual = firmware_gains(firmware, p, i, d, full_output, time_unit)
-        kp, ti, td, _ = gains.standard()
-        behind = usual if lag is None else _check.real("lag", lag, above=0.0)
-        return cls(kp, ti, td, n=td / behind) if td else cls(kp, ti)
 
     def gains(self) -> IdealGains:
         """Return the gains of the unfiltered controller, eq. (1).
@@ -293,8 +243,7 @@ class HighOrderPID(Controller):
         time = _check.real("filter_time", filter_time, at_least=0.0)
         if bool(time) != bool(order):
             raise ValueError(
-                f"filter_time must be {f'above 0 for a filter of order {order}' if order else '0 without a filter'}, "
-                f"found {filter_time!r}"
+                f"filter_time must be above 0 with filter_order, and 0 without, found {filter_time!r}"
             )
         vars(self).update(coefficients=tuple(coefficients.tolist()), filter_time=time, filter_order=order)
 
@@ -318,9 +267,7 @@ class HighOrderPID(Controller):
         IdealGains(ki=0.5, kp=2.0, kd=0.0, ka=0.0)
         """
         if any(self.coefficients[4:]):
-            raise ValueError(
-                f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}"
-            )
+            raise ValueError(f"no PIDA form: derivatives go up to order {len(self.coefficients) - 2}")
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
 
     def named_gains(self) -> dict[str, float]:

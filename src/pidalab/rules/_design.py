@@ -117,9 +117,7 @@ class Design:
         True
         """
         if process is None and not isinstance(self.model, Process):
-            raise TypeError(
-                "process must be given for a design that was made from areas, as in design.loop(process)"
-            )
+            raise TypeError("process must be given: this design was made from areas")
         plant = self.model if process is None else process
         return Loop(plant, self.controller, self.output_filter, self.prefilter)
 
@@ -161,15 +159,13 @@ class Design:
         options = {"prefilter": self.prefilter} | options
         return self.controller.discretise(sample_time, method, self.output_filter, **options)
 
-    def vendor_forms(self, time_unit: str = "s", full_output: float | None = None) -> VendorForms:
+    def vendor_forms(self, time_unit: str = "s") -> VendorForms:
         """Return the controller as parameters of vendor blocks, with all filters of the design.
 
         Parameters
         ----------
         time_unit : {"s", "min", "h"}, optional
             Unit of the model's time.
-        full_output : float, optional
-            As in ``controller.vendor_forms``.
 
         Returns
         -------
@@ -191,7 +187,7 @@ class Design:
         parallel: Kp = 1.5171, Ki [1/s] = 0.025284, Ki [1/min] = 1.5171, Kd [s] = 0, Kd [min] = 0
         filters:  none; output filter OutputFilter(time=1.97752, order=1, wgc=0.0252842) in units of the model
         """
-        forms = self.controller.vendor_forms(time_unit, full_output)
+        forms = self.controller.vendor_forms(time_unit)
         filters = {"output filter": self.output_filter, "prefilter": self.prefilter}
         beside = [
             f"; {name} {_block(x)} in units of the model" for name, x in filters.items() if x is not None

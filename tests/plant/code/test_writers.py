@@ -1,4 +1,4 @@
-"""Any text at all through all that is written: C compiles, Python runs, the others parse, and nothing comes in."""
+"""Any text in written files: C compiles, Python runs, the others parse, and no text becomes code."""
 
 import ast
 import html.parser
@@ -22,22 +22,8 @@ from pidalab.plant.code.files import LANGUAGES
 
 K = PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 100.0), bias=40.0)
 # what ends comments, strings and lines in some language, alone and so that taking one out makes another
-ENDS = [
-    "*/",
-    "*)",
-    '"""',
-    '*"""/',
-    '"*/""',
-    "**//",
-    "(*",
-    "/*",
-    "\\",
-    "??/",
-    "//",
-    "'''",
-    "\\u002a/",
-    "#include",
-]
+ENDS = ["*/", "*)", '"""', '*"""/', '"*/""', "**//", "(*", "/*", "\\", "??/", "//"]
+ENDS += ["'''", "\\u002a/", "#include"]
 ENDS += ["\n", "\r", "\u2028", "\x85", "\x1b", "\x00", "\ud800", "\u202e", "int x = 1;", "x = 1"]
 ENDS += ["<script>", "&lt;", "]]>", "-->", "%>", "{{", "{%", "=cmd()"]
 TEXTS = st.lists(st.one_of(st.sampled_from(ENDS), st.text(max_size=12)), max_size=12).map("".join)
@@ -45,7 +31,7 @@ WITHOUT = {language: getattr(K, language)() for language in LANGUAGES}
 
 
 def body(code, language):
-    """What is behind the head."""
+    """Return the code after the head."""
     end = {"c": "*/", "structured_text": "*)", "python": '"""'}[language]
     return code[code.index(end, 3) + len(end) :]
 

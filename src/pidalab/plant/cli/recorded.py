@@ -13,15 +13,12 @@ from pidalab.plant.cli import dialogue
 from pidalab.plant.doubts import doubt
 
 if TYPE_CHECKING:
-    from pidalab.controllers import PIDA
-    from pidalab.plant.checking import Check
     from pidalab.plant.fitting import Fit
     from pidalab.plant.record import Record
     from pidalab.rules import Design
 
 MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
-FIRMWARE_WORDS = ("klipper", "betaflight", "betaflight-yaw")
 WEIGHT = click.FloatRange(0.0, 1.0)
 ABOVE = click.FloatRange(0.0, min_open=True)
 READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers", "run")
@@ -110,7 +107,6 @@ def report_command(out: Path | None, force: bool, trade_off: bool, **options: An
 @click.option("--kind", default="PIDA", type=click.Choice(KINDS))
 @design
 @code
-@click.option("--full-output", type=float, help="u at full power: also prints the gains of firmware.")
 @dialogue.out
 @dialogue.one_line
 def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
@@ -123,14 +119,11 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     Example:
       pidalab tune step.csv --time time --u valve --y level --kind PIDA --ms 1.6 --sample-time 0.2 --out folder
     """
-    from pidalab import _check
     from pidalab.loop import Loop
     from pidalab.plant.reporting import MEASURES, report
     from pidalab.robustness.margins import margins
 
-    full_output, h, low, high = (options[x] for x in ("full_output", "sample_time", "u_min", "u_max"))
-    if full_output is not None and not _check.real("--full-output", full_output):
-        raise ValueError("--full-output must not be 0: it is u at full power")
+    h, low, high = (options[x] for x in ("sample_time", "u_min", "u_max"))
     fitted = fit_record(options)
     record = fitted.record
     with dialogue.progress(f"searching for a {kind}"):
@@ -155,7 +148,7 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     doubts = [*candidates.doubts, *missing_limits(low, high)]
     sections = [
         ("Safe?", candidates.safety),
-        ("Gains", f"{row.design.controller}\n{_vendors(row.design, record.time_unit, full_output)}"),
+        ("Gains", f"{row.design.controller}\n{_vendors(row.design, record.time_unit)}"),
         ("Limits and units", "\n".join(units)),
         ("Before the start", start),
         ("Doubts", "\n".join(doubts) or "none found"),
@@ -182,32 +175,26 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
 
 @click.command("check")
 @record
-@click.option(
-    "--kp", type=float, required=True, help="Gain, in units of u per unit of y; or P of a firmware."
-)
-@click.option("--ti", type=float, help="Integral time, in the log's unit of time.")
+@click.option("--kp", type=float, required=True, help="Gain, in units of u per unit of y.")
+@click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
 @dialogue.times
-@click.option("--firmware", type=click.Choice(FIRMWARE_WORDS), help="Read --kp, --ki, --kd as its numbers.")
-@click.option("--ki", type=float, help="I of that firmware.")
-@click.option("--kd", default=0.0, help="D of that firmware.")
-@click.option("--full-output", default=1.0, help="u of the log at full power of that firmware.")
 @click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
 @click.option("--sample-time", type=float, help="Of the controller; default: that of the log.")
 @dialogue.limits
 @dialogue.ms_worst
 @dialogue.one_line
-def check_command(lag: float, firmware: str | None, full_output: float, **options: Any) -> None:
+def check_command(lag: float, **options: Any) -> None:
     """Judge the gains of a running loop by a log of it, the RECORD.
 
     Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
-    interval, how far the gains are from the best, and three sets to try. With --firmware the log is in seconds.
+    interval, how far the gains are from the best, and three sets to try.
 
     \b
-    Examples:
+    Example:
       pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
-      pidalab check hotend.csv --firmware klipper --kp 22.2 --ki 1.08 --kd 114 --sample-time 0.3
     """
     from pidalab import _check
+    from pidalab.controllers import PIDA
     from pidalab.plant.checking import check
 
     lags = None
@@ -215,17 +202,14 @@ def check_command(lag: float, firmware: str | None, full_output: float, **option
         import control
 
         lags = control.TransferFunction([1.0], [lag, 1.0])
-    running = _running(firmware, full_output, options)
+    running = PIDA(**{name: options[name] for name in ("kp", "ti", "td", "ta", "n", "m")})
     log = read_record(options)
     with dialogue.progress("fitting the plant and searching for three sets of gains"):
         asked = {name: options[name] for name in ("sample_time", "ms_worst", "model")}
         judged = check(log, running, output_filter=lags, **asked)
-        sections = [("Gains", str(judged))]
-    if firmware is not None:
-        sets = _as_firmware(judged, firmware, full_output)
-        sections.append((f"The sets as {firmware} writes them", sets))
+        gains = str(judged)
     model = f"{judged.fit.process!r}\n{judged.fit.described()}"
-    dialogue.show([*sections, ("Model", model), ("Log", log.described())])
+    dialogue.show([("Gains", gains), ("Model", model), ("Log", log.described())])
 
 
 def fit_record(options: dict[str, Any]) -> Fit:
@@ -277,38 +261,11 @@ def missing_limits(low: float, high: float) -> list[str]:
     return [doubt("no limits", options=" and ".join(lacking))] if lacking else []
 
 
-def _vendors(design: Design, time_unit: str, full_output: float | None) -> str:
+def _vendors(design: Design, time_unit: str) -> str:
     """Return the parameters of vendor blocks, or why there are none."""
     try:
-        forms = design.vendor_forms(time_unit or "s", full_output)
+        forms = design.vendor_forms(time_unit or "s")
     except ValueError as refusal:
         return f"no vendor block: {refusal}"
     assumed = "" if time_unit else ", if the record's unit of time is the second"
     return f"as vendor blocks{assumed}:\n{forms}"
-
-
-def _running(firmware: str | None, full_output: float, options: dict[str, Any]) -> PIDA:
-    """Return the controller that runs, from its times or from the numbers of a firmware."""
-    from pidalab.controllers import PIDA
-
-    kp, ti, ki, kd = (options[name] for name in ("kp", "ti", "ki", "kd"))
-    times = {name: options[name] for name in ("td", "ta", "n", "m")}
-    if firmware is None and ti is not None and ki is None and not kd:
-        return PIDA(kp, ti, **times)
-    if firmware is not None and ki is not None and ti is None and not times["td"] and not times["ta"]:
-        return PIDA.from_firmware(firmware, kp, ki, kd, full_output)
-    raise click.UsageError(
-        "give --kp, --ti and perhaps --td and --ta, or --firmware with --kp, --ki and perhaps --kd"
-    )
-
-
-def _as_firmware(judged: Check, firmware: str, full_output: float) -> str:
-    """Return the sets without acceleration as the three numbers of a firmware."""
-    from pidalab.plant.vendor import firmware_form
-
-    lines = []
-    for row in judged.rows:
-        if row.design is not None and not row.design.controller.gains().ka:
-            form = firmware_form(row.design.controller.gains(), firmware, full_output)
-            lines.append(f"{row.rule:14} {', '.join(f'{key} = {x:.4g}' for key, x in form.items())}")
-    return "\n".join(lines)
