@@ -50,35 +50,6 @@ def test_from_control_keeps_the_rational_part():
     np.testing.assert_allclose(process.rational_part()(POINTS), tf(POINTS), rtol=1e-10)
 
 
-def in_state_space(rng, tf):
-    """Return a system in state space with its states mixed, as a linearised model has them."""
-    system = control.ss(tf)
-    turn, _ = np.linalg.qr(rng.normal(size=(system.nstates, system.nstates)))
-    return control.ss(turn @ system.A @ turn.T, turn @ system.B, system.C @ turn.T, system.D)
-
-
-@pytest.mark.parametrize("mixed", [False, True])
-@pytest.mark.parametrize("zeros", [[1.0], [2.0, 1.0], [-0.5, 1.0], [3.0, 0.0], [1.0, 0.2, 1.0]])
-@pytest.mark.parametrize("integrators", [0, 1, 2])
-@pytest.mark.parametrize("unit", [1e-5, 1.0, 3600.0])
-def test_state_space_keeps_degree_integrators_and_zeros(unit, integrators, zeros, mixed):
-    den = np.poly([-0.02, -0.5, -1.0, -2.0, -30.0])
-    wanted = pidalab.Process(zeros, np.append(den, np.zeros(integrators)))
-    system = control.tf(wanted.num, wanted.den)
-    system = in_state_space(np.random.default_rng(integrators), system) if mixed else control.ss(system)
-    slowed = control.ss(system.A / unit, system.B / unit, system.C, system.D)
-    found = pidalab.Process.from_control(slowed)
-    for ours, theirs in ((found.num, wanted.num), (found.den, wanted.den)):
-        assert np.array_equal(np.flatnonzero(ours == 0), np.flatnonzero(theirs == 0))
-        assert ours.size == theirs.size
-    np.testing.assert_allclose(found(POINTS / unit), wanted(POINTS), rtol=1e-7)
-
-
-def test_state_space_without_a_way_from_input_to_output_is_zero():
-    apart = control.ss(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0, 1.0]], [[0.0]])
-    assert pidalab.Process.from_control(apart) == pidalab.Process([0.0], [1.0, 3.0, 2.0])
-
-
 def test_repr_makes_the_same_process():
     process = pidalab.Process([0.0, 0.5, 1.0], [0.905, 3.159, 3.37, 1.0], delay=0.826)
     again = eval(repr(process), {"Process": pidalab.Process})

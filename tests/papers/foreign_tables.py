@@ -235,6 +235,5 @@ def simc(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {
-    one.__name__: one
-    for one in (margins, crossovers, step, bandwidth, reaction_rule, ultimate_rule, simc, migo)
+    one.__name__: one for one in (margins, crossovers, step, bandwidth, reaction_rule, ultimate_rule, simc)
 }

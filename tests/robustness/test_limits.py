@@ -144,18 +144,3 @@ def test_short_filter():
     w = result.frequency + np.linspace(-20.0, 20.0, 400_001)
     assert result.margin == pytest.approx((1 + linear_part(loop)(1j * w).real).min(), rel=1e-6)
     assert result.margin < -20
-
-
-def test_plots_draw_the_curves_and_their_lines():
-    parts = {"a": linear_part(design(reset.PI).loop()), "b": linear_part(design(reset.PID).loop())}
-    w = np.logspace(-2, 2, 50)
-    figure, axes = plt.subplots(1, 2)
-    pidalab.plots.circle_locus(axes[0], parts, w)
-    pidalab.plots.popov_plot(axes[1], parts, w, {"a": 2.0})
-    for ax, y in ((axes[0], parts["a"](1j * w).imag), (axes[1], w * parts["a"](1j * w).imag)):
-        assert ax.lines[0].get_xdata() == pytest.approx(parts["a"](1j * w).real)
-        assert ax.lines[0].get_ydata() == pytest.approx(y)
-        assert ax.get_legend_handles_labels()[1] == ["a", "b"]
-    line = next(line for line in axes[1].lines if isinstance(line, AxLine))
-    assert (line.get_xy1(), line.get_xy2()) == ((-1.0, 0.0), (1.0, 1.0))  # slope 1/θ
-    plt.close(figure)

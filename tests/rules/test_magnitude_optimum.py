@@ -92,7 +92,7 @@ def test_uncertainty_of_gains_is_that_of_areas_passed_on(seed):
     assert design.uncertainty == pytest.approx(np.abs(up - down), rel=1e-4)
     share = np.max(np.array(design.uncertainty) / np.abs(design.gains))
     mo.tune(record_areas(values, 0.9 / share * error), m, n, time)
-    with pytest.raises(ValueError, match="uncertain by 150 %, and 100 % is allowed"):
+    with pytest.raises(ValueError, match="uncertain by 150 %"):
         mo.tune(record_areas(values, 1.5 / share * error), m, n, time)
 
 
@@ -101,7 +101,7 @@ def test_only_the_integral_gain_of_a_record_must_have_the_sign_of_the_process():
     integral, _, derivative = mo.tune(record_areas(areas.from_process(slow, 6), np.zeros(6)), 1, 2, 0.2).gains
     assert integral > 0 > derivative
     light = pidalab.Process([1.9], [1.0, 0.1, 1.0], 0.2)
-    with pytest.raises(ValueError, match=r"K_-1 = -0\.034\d*, whose sign is not that of the gain A_0 = 1\.9"):
+    with pytest.raises(ValueError, match=r"K_-1 = -0\.034\d* must have the sign of A_0 = 1\.9"):
         mo.tune(record_areas(areas.from_process(light, 6), np.zeros(6)), 1, 3, 0.2)
 
 

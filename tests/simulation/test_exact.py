@@ -94,7 +94,7 @@ def test_limits_that_are_not_reached_play_no_part():
 
     free = simulate(limited(-math.inf, math.inf), TIME, setpoint=1.0)
     np.testing.assert_array_equal(simulate(limited(-1e-9, free.u.max() + 1e-9), TIME, setpoint=1.0).y, free.y)
-    with pytest.raises(ValueError, match=r"limits \(-0\.2, 1\): u = -0\.2"):
+    with pytest.raises(ValueError, match="limits"):
         pidalab.simulate_ensemble(limited(-0.2, 1.0), TIME, np.zeros((2, TIME.size)), load=1.0)
 
 
