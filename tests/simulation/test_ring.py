@@ -276,7 +276,7 @@ CUT = cut_at_delay(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(0.5, 
     ("status", "numbers"),
     [
         (ladder.TOO_MANY, ("spans 4.2 dead times",)),
-        (ladder.TOO_DEEP, ("t must span at most", "over 1333t must span at most4")),
+        (ladder.TOO_DEEP, ("at most 1000 dead times", "found 4;")),
         (ladder.TOO_LARGE, ("leaves the range of numbers",)),
     ],
 )
@@ -287,7 +287,7 @@ def test_what_cannot_be_followed_is_refused_with_its_numbers(monkeypatch, status
     with pytest.raises(ValueError) as refused:  # noqa: PT011  # its numbers follow
         ladder.responses(CUT, 8, 0.3, 4.0)
     for number in numbers:
-        assert number.replace("1333", "1000") in str(refused.value)
+        assert number in str(refused.value)
     assert isinstance(refused.value, ladder.ManyDeadTimes) is (status == ladder.TOO_MANY)
 
 
@@ -351,7 +351,7 @@ def test_what_is_remembered_is_followed_over_as_many_dead_times_as_allowed(monke
     for names in (vars(ladder), ladder._responses.__globals__):
         monkeypatch.setitem(names, "MAX_STACK", allowed * cut.x0.shape[0])
     np.testing.assert_array_equal(respond(allowed), without_limit)
-    with pytest.raises(ValueError, match=rf"over {allowed}t must span at most{allowed + 1}; shorten t"):
+    with pytest.raises(ValueError, match=rf"at most {allowed} dead times .* found {allowed + 1}; shorten t"):
         respond(allowed + 1)
 
 
