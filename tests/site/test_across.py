@@ -129,4 +129,4 @@ def test_numbers_in_coloured_cells_can_be_read_in_the_dark(site, visit):
         fills = (
             "() => [...document.querySelectorAll('#as-drawn text')].map(text => getComputedStyle(text).fill)"
         )
-        assert set(page.evaluate(fills)) == {"rgb(0, 0, 0)", "rgb(255, 255, 255)"}
+        assert set(page.evaluate(fills)) == {"rgb(17, 17, 17)", "rgb(255, 255, 255)"}
