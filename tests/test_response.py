@@ -340,7 +340,7 @@ MEASURES = (
 def test_no_measure_of_a_response_that_diverges(measure):
     loop = pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1, 0.05))
     run = pidalab.step_response(loop, np.linspace(0.0, 5.0, 501))
-    with pytest.raises(ValueError, match=r"(?s)last tenth.*t = 5"):
+    with pytest.raises(ValueError, match=r"does not diverge|band must hold"):
         getattr(run, measure)()
 
 
@@ -479,7 +479,7 @@ def test_a_late_beginning_is_no_divergence():
     assert begun.tv("y") == pytest.approx(1 - math.exp(-1.0), rel=1e-3)
     slow = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 10.0), pidalab.PIDA(0.3, 5.0))
     assert pidalab.step_response(slow, np.linspace(0.0, 11.0, 1101)).iae() > 10
-    with pytest.raises(ValueError, match="does not diverge"):
+    with pytest.raises(ValueError, match=r"does not diverge|band must hold"):
         pidalab.simulate(
             pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1)),
             t / 20,
