@@ -163,3 +163,20 @@ def test_a_cluster_far_to_the_left_does_not_hide_the_others():
     assert pair.real == pytest.approx([4.90829e-04] * 2, rel=1e-5)
     with pytest.raises(ArithmeticError, match="the 10 rightmost poles cannot be told from their neighbours"):
         pidalab.rightmost_poles(loop, 10)
+
+
+@pytest.mark.parametrize("delay", [1e-3, 1e-9])
+@pytest.mark.parametrize("seed", range(6))
+def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
+    """All poles of the loop without dead time, each once, also where the dead time's own lie out of reach."""
+    loop = random_loop(seed, delay=False)
+    short = Loop(Process(loop.process.num, loop.process.den, delay * 1e-2), loop.controller)
+    expected = pytest.approx(pidalab.rightmost_poles(loop, count=4), abs=1e-9 + 5 * delay, rel=1e-6 + delay)
+    assert pidalab.rightmost_poles(short, count=4) == expected
+
+
+@pytest.mark.parametrize("delay", [10.0, 30.0, 50.0, 300.0])
+def test_rightmost_pole_of_an_unstable_process_that_feedback_cannot_reach(delay):
+    """s^2 - 1 + 2 e^{-s delay}: the pole is 1 less e^{-delay}, right of which only rounding is left of the feedback."""
+    loop = Loop(Process([2.0], [1.0, 0.0, -1.0], delay), 1.0)
+    assert pidalab.rightmost_poles(loop) == pytest.approx([1 - math.exp(-delay)], abs=1e-7)
