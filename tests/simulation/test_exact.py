@@ -5,6 +5,7 @@ import math
 import control
 import numpy as np
 import pytest
+from engine_errors import oracle, worst_error
 from scipy.special import gammainc
 
 import pidalab
@@ -330,3 +331,14 @@ def test_seven_oscillations_one_after_the_other_are_a_sum_of_modes():
     residues = [den[-1] / (p * np.prod([p - q for q in poles if q != p])) for p in poles]
     expected = 1.0 + sum((r * np.exp(p * t)).real for r, p in zip(residues, poles, strict=True))
     assert pidalab.open_loop_step(Process([den[-1]], den), t).y == pytest.approx(expected, abs=1e-8)
+
+
+# The exact engine against the high-precision oracle.
+
+
+@pytest.mark.parametrize("points", [2, 14, 401], ids=lambda n: f"{n}points")
+@pytest.mark.parametrize("case", oracle("delay_loops.json")["cases"], ids=lambda case: case["name"])
+def test_oracle(case, points):
+    """1e-9 relative to max(1, |value|) (or the running envelope) at every time, aligned with the dead time or not."""
+    error, where = worst_error(case, points)
+    assert error <= 1e-9, where

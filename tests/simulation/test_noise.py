@@ -6,6 +6,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
+from engine_errors import oracle, sampled_oracle_loop
 
 import pidalab
 from pidalab import PIDA, Loop
@@ -117,3 +118,20 @@ def test_noise_gain_complains(loop, h, message):
 def test_uniform_noise_complains(arguments, message):
     with pytest.raises(ValueError, match=message):
         pidalab.uniform_noise(**({"t": TIME, "amplitude": 1.0, "seed": 0} | arguments))
+
+
+# The noise gain of sampled loops against the oracle: to 1e-9, while 1e-12 of the squares may be left out.
+
+CASES = [case for case in oracle("sampled_loops.json")["cases"] if case["values"]["stable"]]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_noise_gain(case):
+    found = pidalab.noise_gain(sampled_oracle_loop(case), case["sample_time"])
+    assert found == pytest.approx(float(case["values"]["noise_gain"]), rel=1e-9)
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c["method"] == "zoh"], ids=lambda case: case["name"])
+def test_noise_gain_of_a_continuous_controller(case):
+    found = pidalab.noise_gain(sampled_oracle_loop(case, digital=False), case["sample_time"])
+    assert found == pytest.approx(float(case["values"]["noise_gain"]), rel=1e-9)
