@@ -32,7 +32,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 import pidalab
-from pidalab.roots import succeeded
 from pidalab.rules import direct, itae
 
 DATA = Path(__file__).parents[1] / "book" / "data"
@@ -113,7 +112,9 @@ def search(
     for scale in (size, size / 3, size / 9):
         simplex = np.vstack([x, x + scale * np.eye(x.size)])
         options = {"initial_simplex": simplex, "xatol": tolerance, "fatol": 1e-7}
-        found = succeeded(minimize(cost, x, method="Nelder-Mead", options=options), "the least ITAE")
+        found = minimize(cost, x, method="Nelder-Mead", options=options)
+        if not found.success:
+            raise ArithmeticError(f"the least ITAE was not found: {found.message}")
         x, gain, best = found.x, best - found.fun, found.fun
         if gain < 1e-5:
             break
@@ -174,7 +175,9 @@ def table_factors(plant: Plant, measure: Callable[[pidalab.Response], float]) ->
 
     options = {"xatol": 1e-3, "fatol": 1e-4}
     found = minimize(cost, itae.factors(unit(plant)), method="Nelder-Mead", options=options)
-    return itae.Factors(*succeeded(found, "the best pair of factors").x)
+    if not found.success:
+        raise ArithmeticError(f"the best pair of factors was not found: {found.message}")
+    return itae.Factors(*found.x)
 
 
 def setpoint_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:

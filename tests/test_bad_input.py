@@ -47,14 +47,10 @@ REFUSED = {
         lambda: pidalab.PIDA(1, 2).discretise(0.1)(math.inf),
         r"z must be finite, found \(inf",
     ),
-    "comparison of a response": (
-        lambda: plots.comparison({"a": ANSWER}, {}, 10, 5),
-        "clean must be a dictionary .* found Response at 'a'",
-    ),
     # other numbers would have been taken in silence
     "times with a unit": (
         lambda: pidalab.step_response(L, np.arange(201).astype("timedelta64[s]")),
-        r"t must be .* found timedelta64\[s\], whose unit would be lost; for seconds divide",
+        r"t must be .* found timedelta64\[s\], which has a unit",
     ),
     "a list of times with a unit": (
         lambda: pidalab.step_response(L, list(np.arange(201).astype("timedelta64[s]"))),
@@ -79,10 +75,6 @@ REFUSED = {
     "a final value in words": (
         lambda: pidalab.Response(T, 1.0, 0.0, 0.0, T, 0.0, final="1"),
         "final must be a real number, found '1'",
-    ),
-    "comparison without load": (
-        lambda: plots.comparison({"a": {"setpoint": ANSWER}}, {}, 10, 5),
-        r"clean\['a'\] must have 'setpoint' and 'load', 'load' is missing",
     ),
 }
 

@@ -114,8 +114,8 @@ def test_series_there_and_back_picks_the_largest_reset_time(form):
         ((1.0, 1.0, 1.0, -2.0), "non_interactive", "no non-interactive form: .* 2 ta = -4 is negative"),
         ((1.0, -1.0, 1.0, 2.0), "non_interactive", "no non-interactive form: .* 2 ta = -4 is negative"),
         ((0.0, 1.0, 1.0, 0.0), "series", "no series form: there is no integral action"),
-        ((1.0, 1.0, 1.0, 0.0), "series", "no series form: .* no negative real zero"),
-        ((1.0, -3.0, 2.0, 0.0), "series", "no series form: .* no negative real zero"),
+        ((1.0, 1.0, 1.0, 0.0), "series", "no series form: no zero is real and negative"),
+        ((1.0, -3.0, 2.0, 0.0), "series", "no series form: no zero is real and negative"),
     ],
 )
 def test_impossible_conversions_say_why(gains, form, message):
@@ -125,7 +125,7 @@ def test_impossible_conversions_say_why(gains, form, message):
 
 def test_derivatives_beyond_the_second_have_no_pida_form():
     C = pidalab.HighOrderPID([0.5, 2.0, 1.0, 0.25, 0.1], filter_time=0.1, filter_order=3)
-    with pytest.raises(ValueError, match="no PIDA form: the controller has derivatives up to order 3"):
+    with pytest.raises(ValueError, match="no PIDA form: derivatives go up to order 3"):
         C.gains()
     assert "K_3 = 0.1" in str(C)
 
@@ -187,7 +187,7 @@ BAD = {
         ("gains", [1.0], "gains must be one-dimensional with at least 2"),
         ("gains", [1.0, math.nan], "gains must be finite, found nan at index 1"),
         ("filter_order", 1, "filter_order must be a whole number, at least 2, found 1"),
-        ("filter_time", 0.0, r"filter_time must be above 0 for a filter of order 2, found 0\.0"),
+        ("filter_time", 0.0, r"filter_time must be above 0 .* found 0\.0"),
     ],
     pidalab.SeriesPIDA: [
         ("ti", 0, "ti must be above 0, found 0"),

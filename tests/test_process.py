@@ -51,65 +51,36 @@ def test_keeps_its_own_copy_of_the_coefficients():
 
 def test_from_control_keeps_the_rational_part():
     tf = control.tf([1.0, 2.0], [1.0, 3.0, 5.0])
-    for system in (tf, control.ss([[0, 1], [-5, -3]], [[0], [1]], [[2, 1]], [[0]])):
-        process = pidalab.Process.from_control(system, delay=0.3)
-        np.testing.assert_allclose(process(POINTS), tf(POINTS) * np.exp(-0.3 * POINTS), rtol=1e-10)
+    process = pidalab.Process.from_control(tf, delay=0.3)
+    np.testing.assert_allclose(process(POINTS), tf(POINTS) * np.exp(-0.3 * POINTS), rtol=1e-10)
     np.testing.assert_allclose(process.rational_part()(POINTS), tf(POINTS), rtol=1e-10)
 
 
-def in_state_space(rng, tf):
-    """Return a system in state space with its states mixed, as a linearised model has them."""
-    system = control.ss(tf)
-    turn, _ = np.linalg.qr(rng.normal(size=(system.nstates, system.nstates)))
-    return control.ss(turn @ system.A @ turn.T, turn @ system.B, system.C @ turn.T, system.D)
-
-
-@pytest.mark.parametrize("mixed", [False, True])
-@pytest.mark.parametrize("zeros", [[1.0], [2.0, 1.0], [-0.5, 1.0], [3.0, 0.0], [1.0, 0.2, 1.0]])
-@pytest.mark.parametrize("integrators", [0, 1, 2])
-@pytest.mark.parametrize("unit", [1e-5, 1.0, 3600.0])
-def test_state_space_keeps_degree_integrators_and_zeros(unit, integrators, zeros, mixed):
-    den = np.poly([-0.02, -0.5, -1.0, -2.0, -30.0])
-    wanted = pidalab.Process(zeros, np.append(den, np.zeros(integrators)))
-    system = control.tf(wanted.num, wanted.den)
-    system = in_state_space(np.random.default_rng(integrators), system) if mixed else control.ss(system)
-    slowed = control.ss(system.A / unit, system.B / unit, system.C, system.D)
-    found = pidalab.Process.from_control(slowed)
-    for ours, theirs in ((found.num, wanted.num), (found.den, wanted.den)):
-        assert np.array_equal(np.flatnonzero(ours == 0), np.flatnonzero(theirs == 0))
-        assert ours.size == theirs.size
-    np.testing.assert_allclose(found(POINTS / unit), wanted(POINTS), rtol=1e-7)
-
-
-def test_state_space_without_a_way_from_input_to_output_is_zero():
-    apart = control.ss(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0, 1.0]], [[0.0]])
-    assert pidalab.Process.from_control(apart) == pidalab.Process([0.0], [1.0, 3.0, 2.0])
-
-
-TWO = control.ss(-np.eye(2), np.eye(2), np.eye(2), 0 * np.eye(2))
+TWO = control.tf([[[1.0], [1.0]]], [[[1.0, 1.0], [1.0, 2.0]]])
 
 
 @pytest.mark.parametrize(
     ("system", "message"),
     [
         (control.tf([1.0], [1.0, 0.5], 0.1), r"sys must be continuous in time, found sample time 0\.1"),
-        (TWO, "sys must have one input and one output, found 2"),
+        (TWO, "sys must have one input and output, found"),
         (
             control.tf([1.0, 0.0], [1.0]),
-            "sys must be proper .* found degrees 1 and 0; add a filter of order 1",
+            "sys must be proper, found degrees 1 and 0; add a filter of order 1",
         ),
-        ("1/s", "sys must be a number, a pidalab controller or a control.TransferFunction, found str"),
+        (control.ss([], [], [], [[2.0]]), "sys must be a transfer function"),
+        ("1/s", "sys must be a number, a controller or a transfer function, found str"),
     ],
 )
 def test_from_control_complains(system, message):
-    with pytest.raises(TypeError if isinstance(system, str) else ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         pidalab.Process.from_control(system)
 
 
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (([1.0, 0.0], [1.0]), ValueError, "must be proper .* found degrees 1 and 0"),
+        (([1.0, 0.0], [1.0]), ValueError, "must be proper, found degrees 1 and 0"),
         (([1.0], [0.0, 0.0]), ValueError, "den must not be the zero polynomial"),
         (([1.0], [1.0, 1.0], np.inf), ValueError, "delay must be finite and at least 0, found inf"),
         (([1.0], [1.0, np.nan]), ValueError, "den must be finite, found nan at index 1"),

@@ -118,8 +118,8 @@ def test_ultimate_frequency_of_an_integrator():
     [
         (pidalab.Process([1.0], [1.0, 0.0, 1.0], 1.0), "process must be stable, found an unstable one"),
         (pidalab.Process([1.0, 0.0], [1.0, 1.0], 1.0), "process must have a static gain other than 0"),
-        (pidalab.fopdt(1.0, 1.0, 0.0), "process must have an ultimate frequency.*it never does"),
-        (pidalab.Process([1.0, 1.0], [1.0, 3.0, 3.0, 1.0]), "process must have an ultimate frequency"),
+        (pidalab.fopdt(1.0, 1.0, 0.0), "process.*it never does"),
+        (pidalab.Process([1.0, 1.0], [1.0, 3.0, 3.0, 1.0]), "process must have a phase"),
         (
             pidalab.Process([1.0, 0.0, 0.25], [1.0, 3.0, 3.0, 1.0], 1.0),
             r"it first jumps at the zero at 0\.5j",
@@ -141,10 +141,10 @@ def test_processes_without_a_model():
     with pytest.raises(ValueError, match=r"must be below 1, found 20\.2"):
         to_fopdt(RESONANT)
     for process in (all_pass, *(pidalab.fopdt(1.0, 2.0, delay) for delay in (1e-3, 1.0, 100.0))):
-        with pytest.raises(ValueError, match=r"the fit gives \(tau wu\)\^4 = .*, and it must be above 0"):
+        with pytest.raises(ValueError, match=r"tau wu\)\^4 must be above 0"):
             to_sopdt(process)
     hump = pidalab.Process([1.0], np.convolve([1.0, 0.3, 1.0], np.poly([-1.3, -3.0, -8.0])), delay=1.9)
-    with pytest.raises(ValueError, match=r"the fit gives damping\^2 = -0\.064"):
+    with pytest.raises(ValueError, match=r"damping\^2 .* found -0\.064"):
         to_sopdt(hump)
 
 

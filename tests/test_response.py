@@ -79,9 +79,7 @@ def test_held_set_point_and_noise():
 @pytest.mark.parametrize("name", ["ie", "iae", "ise", "itae"])
 def test_infinite_horizon_needs_a_settled_record(name):
     assert getattr(DECAY, name)(math.inf) == getattr(DECAY, name)()
-    with pytest.raises(
-        ValueError, match=r"horizon=inf needs a settled record: the error is still .* before t = 10\.2"
-    ):
+    with pytest.raises(ValueError, match=r"horizon=inf needs a settled record"):
         getattr(SINE, name)(math.inf)
 
 
@@ -97,16 +95,16 @@ def test_infinite_horizon_needs_a_settled_record(name):
         (lambda: DECAY.overshoot(), "overshoot needs a final value other than 0"),
         (
             lambda: SINE.settling_time(),
-            r"the error is 0\.7 in the last tenth of the record \(up to t = 10\.2\), outside the band",
+            r"band must hold the last error, 0\.7",
         ),
         (lambda: DECAY.rise_time(), "rise_time needs a final value other than 0"),
         (
             lambda: record(T, 0.5 * T / T[-1]).rise_time(),
-            r"the output reaches 0\.5 of the final value .* not 0\.9",
+            r"y must reach 0\.9 .* found 0\.5",
         ),
         (
             lambda: SINE.rise_time(0.9, 0.1),
-            r"low and high must be shares with 0 < low < high < 1, found 0\.9 and 0\.1",
+            r"low and high must be 0 < low < high < 1, found 0\.9 and 0\.1",
         ),
         (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
         (lambda: DECAY.settling_time(2.0), "band must be a share between 0 and 1"),
@@ -250,10 +248,10 @@ def test_a_stretch_ends_before_the_next_step():
 @pytest.mark.parametrize(
     ("start", "stop", "message"),
     [
-        (0.5, 9.0, r"must lie in order in the record \(0 to 1\.5\), found 0\.5 and 9"),
-        (2.5, 3.0, "must lie in order in the record"),
-        (1.0, 0.5, "must lie in order"),
-        (-1.0, 0.5, "must lie in order"),
+        (0.5, 9.0, r"must be in order, 0 to 1\.5, found 0\.5 and 9"),
+        (2.5, 3.0, "must be in order"),
+        (1.0, 0.5, "must be in order"),
+        (-1.0, 0.5, "must be in order"),
         (math.nan, 0.5, "start must be finite"),
     ],
 )
@@ -306,7 +304,7 @@ def test_error_against_a_filtered_set_point():
     assert run.ise() == pytest.approx(
         0.25 * (1 - np.exp(-2 * T[-1]) * (1 + 2 * T[-1] + 2 * T[-1] ** 2)), rel=1e-8
     )
-    with pytest.raises(ValueError, match="the reference must have the same times"):
+    with pytest.raises(ValueError, match="reference must have the same times"):
         run.against(pidalab.open_loop_step(pidalab.lags(2), T[:-1]))
 
 
@@ -320,7 +318,7 @@ def test_step_information_of_a_process():
     assert swing.overshoot() == swing.overshoot(final=3.0)
     assert swing.peak_time() == pytest.approx(np.pi / root, rel=1e-6)
     integrating = pidalab.open_loop_step(pidalab.ipdt(1.0, delay=0.0), np.linspace(0.0, 4.0, 41))
-    with pytest.raises(ValueError, match=r"overshoot needs a final value other than 0.* static gain"):
+    with pytest.raises(ValueError, match=r"overshoot needs a final value other than 0"):
         integrating.overshoot()
 
 

@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize, root, root_scalar
 
 import pidalab
-from pidalab.roots import border, roots, succeeded
+from pidalab.roots import border, roots
 
 
 @pytest.mark.parametrize(
@@ -60,29 +59,12 @@ def test_nearly_equal_roots_stay_apart():
     ("coefficients", "message"),
     [
         (np.ones(500), "degree 499 is too long: at most 400"),
-        (np.random.default_rng(0).normal(size=120), "cannot be found from its coefficients"),
+        (np.random.default_rng(0).normal(size=120), "are lost in rounding"),
     ],
 )
 def test_what_cannot_be_found_is_refused(coefficients, message):
     with pytest.raises(ValueError, match=message):
         roots(coefficients)
-
-
-def test_failed_search_raises():
-    def valley(x):
-        return (x[0] - 1) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2
-
-    short = minimize(valley, [-1.2, 1.0], method="Nelder-Mead", options={"maxiter": 20})
-    with pytest.raises(
-        ArithmeticError, match=r"the valley was not found: Maximum .* \(at .*, after \d+ values\)"
-    ):
-        succeeded(short, "the valley")
-    with pytest.raises(ArithmeticError, match="a zero was not found"):
-        succeeded(root(lambda x: x**2 + 1, 1.0), "a zero")
-    with pytest.raises(ArithmeticError, match="a zero was not found: convergence error"):
-        succeeded(root_scalar(lambda x: x**3 - 2, bracket=(0, 9), method="bisect", maxiter=3), "a zero")
-    complete = minimize(valley, [-1.2, 1.0], method="Nelder-Mead")
-    assert succeeded(complete, "the valley") is complete
 
 
 @pytest.mark.parametrize(("inside", "outside"), [(0.0, 5.0), (-3.0, 4.0)])

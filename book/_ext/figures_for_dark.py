@@ -60,7 +60,8 @@ def darkened(svg: str) -> str:
             kept = 1
     pieces.append(_inked(svg[start:]))
     dark = "".join(pieces)
-    # Text and markers without a colour of their own are black: give the whole figure a light default.
+    # Text and markers without a colour are black. Give the figure a light default, but not to what stays as drawn.
+    dark = dark.replace('<g id="as-drawn', '<g fill="#111111" id="as-drawn')
     return dark.replace("<svg ", f'<svg fill="{for_dark("#000000")}" ', 1)
 
 

@@ -45,11 +45,11 @@ from .relative_noise import (
     relative_noise_gain as relative_noise_gain,
 )
 from .response import Response as Response
-from .robustness.gain import gain_for_ms as gain_for_ms
 from .robustness.margins import (
     Margins as Margins,
     bandwidth as bandwidth,
     gain_crossovers as gain_crossovers,
+    gain_for_ms as gain_for_ms,
     margins as margins,
     max_sensitivity as max_sensitivity,
     phase_crossovers as phase_crossovers,

@@ -19,8 +19,10 @@ INDICES = np.arange(BLOCK)
 HIGHEST = 400  # order of a lag, a filter or an expansion: beyond it polynomials leave double precision
 
 
-def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf) -> float:
-    """Return `value` as a finite float above (or at least) a bound, or raise naming the argument."""
+def real(
+    name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf, at_most: float = math.inf
+) -> float:
+    """Return `value` as a finite float within bounds, or raise naming the argument."""
     try:
         if isinstance(value, NO_NUMBERS):
             raise TypeError
@@ -30,10 +32,10 @@ def real(name: str, value: Any, *, above: float = -math.inf, at_least: float = -
     except OverflowError:
         raise ValueError(f"{name} must be finite, found a number beyond double precision") from None
     finite = math.isfinite(number)
-    if finite and number > above and number >= at_least:
+    if finite and above < number and at_least <= number <= at_most:
         return number
-    bounds = (("above", above), ("at least", at_least))
-    allowed = ["finite"] * (not finite) + [f"{word} {x:g}" for word, x in bounds if x > -math.inf]
+    bounds = (("above", above), ("at least", at_least), ("at most", at_most))
+    allowed = ["finite"] * (not finite) + [f"{word} {x:g}" for word, x in bounds if math.isfinite(x)]
     raise ValueError(f"{name} must be {' and '.join(allowed)}, found {value!r}")
 
 
@@ -72,8 +74,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
     kind = getattr(value, "dtype", None)
     if isinstance(kind, np.dtype) and kind.kind in "mM":
         raise TypeError(
-            f"{name} must be {what}, found {kind}, whose unit would be lost; for seconds divide the time since the "
-            "first one by np.timedelta64(1, 's')"
+            f"{name} must be {what}, found {kind}, which has a unit; divide time differences by np.timedelta64(1, 's')"
         )
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise ValueError(f"{name} must be {what}, found masked values; fill them first, or leave them out")
@@ -90,9 +91,9 @@ def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> 
             raise TypeError
         return array.astype(kind, copy=False)
     except (TypeError, ValueError, OverflowError):
-        found = repr(value)
-        found = found if len(found) < 80 else f"{type(value).__name__} {found[:60]}..."
-        raise TypeError(f"{name} must be {what}, found {found}") from None
+        shown = repr(value)
+        shown = shown if len(shown) < 80 else f"{type(value).__name__} {shown[:60]}..."
+        raise TypeError(f"{name} must be {what}, found {shown}") from None
 
 
 def _real_array(name: str, value: ArrayLike) -> Array:
@@ -105,15 +106,15 @@ def array(name: str, value: ArrayLike) -> Array:
     return _finite(name, _real_array(name, value))
 
 
-def _finite(name: str, found: Array) -> Array:
+def _finite(name: str, values: Array) -> Array:
     """Return an array, or raise if it is empty or holds what is no number."""
-    if not found.size:
-        raise ValueError(f"{name} must hold at least one number, found shape {found.shape}")
-    if not all_finite(found):
-        where = tuple(np.argwhere(~np.isfinite(found))[0].tolist())
+    if not values.size:
+        raise ValueError(f"{name} must hold at least one number, found shape {values.shape}")
+    if not all_finite(values):
+        where = tuple(np.argwhere(~np.isfinite(values))[0].tolist())
         at = f" at index {where[0] if len(where) == 1 else where}" if where else ""
-        raise ValueError(f"{name} must be finite, found {found[where]}{at}")
-    return found
+        raise ValueError(f"{name} must be finite, found {values[where]}{at}")
+    return values
 
 
 def all_finite(values: Array) -> bool:
@@ -136,13 +137,13 @@ def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
     return _one_dimensional(name, _real_array(name, value), minimum_length)
 
 
-def _one_dimensional(name: str, found: Array, minimum_length: int = 1) -> Array:
+def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array:
     """Return a finite array of one dimension, or raise."""
-    if found.ndim != 1 or found.size < minimum_length:
+    if values.ndim != 1 or values.size < minimum_length:
         raise ValueError(
-            f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {found.shape}"
+            f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {values.shape}"
         )
-    return _finite(name, found)
+    return _finite(name, values)
 
 
 def polynomial(name: str, value: ArrayLike) -> Array:
@@ -160,8 +161,8 @@ def proper(what: str, num: Array, den: Array) -> None:
         raise ValueError(f"{what}: den must not be the zero polynomial")
     if len(num) > len(den):
         raise ValueError(
-            f"{what} must be proper (degree of num at most degree of den), "
-            f"found degrees {len(num) - 1} and {len(den) - 1}; add a filter of order {len(num) - len(den)} or more"
+            f"{what} must be proper, found degrees {len(num) - 1} and {len(den) - 1}; "
+            f"add a filter of order {len(num) - len(den)} or more"
         )
 
 
@@ -169,9 +170,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     """Return a uniform time grid that starts at 0, or raise naming the first place where it fails."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
-        raise ValueError(
-            f"{name} must start at 0, found {t[0]:g}; cut the record there and subtract that time"
-        )
+        raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract that time")
     step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
@@ -196,9 +195,7 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
     if array.ndim == 0:
         return np.broadcast_to(real(name, value), size)
     if array.shape != (size,):
-        raise ValueError(
-            f"{name} must be a number or an array as long as t ({size}), found shape {array.shape}"
-        )
+        raise ValueError(f"{name} must be a number or as long as t ({size}), found shape {array.shape}")
     return _finite(name, array)
 
 

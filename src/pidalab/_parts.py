@@ -13,9 +13,7 @@ Result = TypeVar("Result")
 def require_executor(executor: object) -> None:
     """Refuse what is no executor."""
     if not isinstance(executor, Executor | None):
-        raise TypeError(
-            f"executor must be a concurrent.futures.Executor or None, found {type(executor).__name__}"
-        )
+        raise TypeError(f"executor must be an Executor or None, found {type(executor).__name__}")
 
 
 def done(

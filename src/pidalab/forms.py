@@ -145,16 +145,14 @@ class IdealGains(NamedTuple):
         >>> IdealGains(ki=1.0, kp=1.0, kd=1.0, ka=0.0).series()
         Traceback (most recent call last):
         ...
-        ValueError: no series form: ki + kp s + kd s^2 + ka s^3 has no negative real zero (a PID needs ti >= 4 td)
+        ValueError: no series form: no zero is real and negative (a PID needs ti >= 4 td)
         """
         if self.ki == 0:
             raise ValueError("no series form: there is no integral action to factor out")
         zeros = roots([self.ka, self.kd, self.kp, self.ki])
         real = zeros.real[(np.abs(zeros.imag) < 1e-7 * np.abs(zeros)) & (zeros.real < 0)]
         if real.size == 0:
-            raise ValueError(
-                "no series form: ki + kp s + kd s^2 + ka s^3 has no negative real zero (a PID needs ti >= 4 td)"
-            )
+            raise ValueError("no series form: no zero is real and negative (a PID needs ti >= 4 td)")
         ti = -1 / float(real.max())
         kd = self.kd - self.ka / ti
         return SeriesForm(self.ki * ti, kd if abs(kd) > 1e-12 * abs(self.kd) else 0.0, self.ka, ti)

@@ -87,22 +87,15 @@ class Loop:
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
         if isinstance(process, AsymmetricPlant):
             raise TypeError(
-                f"process must be linear, found {type(process).__name__}; close the loop with a model or with its "
-                "rising part, and give it to simulate_sampled as plant"
+                "process must be linear, found an AsymmetricPlant; use its rising, and simulate_sampled with plant"
             )
         if not isinstance(process, Process):
             process = Process(*_rational("process", process, Process))
         digital = isinstance(controller, DigitalController)
         if digital and output_filter is not None:
-            raise ValueError(
-                "output_filter must be None with a digital controller: a filter behind its hold is a part of the "
-                f"process, found {output_filter!r}"
-            )
+            raise ValueError(f"output_filter must be None with a digital controller, found {output_filter!r}")
         if digital and controller.prefilter is not None and prefilter is not None:
-            raise ValueError(
-                f"prefilter must be None with a digital controller that has one, {controller.prefilter}, found "
-                f"{prefilter!r}"
-            )
+            raise ValueError(f"prefilter must be None: the digital controller has one, found {prefilter!r}")
         blocks = {} if digital else {"controller": _rational("controller", controller, Controller)}
         blocks |= {
             "process": (process.num, process.den),
@@ -147,9 +140,8 @@ class Loop:
         """
         if self.digital is not None:
             raise TypeError(
-                f"the controller of this loop is digital with sample time {self.digital.sample_time:g}: it has no "
-                "transfer function in s. Use simulate_sampled, noise_gain, margins and is_stable, which take it, or "
-                "the loop of the continuous controller"
+                "controller must be continuous, found a digital one; use simulate_sampled, noise_gain, margins, "
+                "is_stable, or the loop of the continuous controller"
             )
         return self._open_loop
 
@@ -322,7 +314,7 @@ class Loop:
         forward, back = self._fraction(s)
         p, q = fraction_at(*self.blocks["process"], s, self.process.delay)
         controller, output_filter = (fraction_at(*self.blocks[name], s) for name in BLOCKS[1:3])
-        c, d = (of * by for of, by in zip(controller, output_filter, strict=True))
+        c, d = (first * second for first, second in zip(controller, output_filter, strict=True))
         # each over the same denominator: at a pole of a block, such as 0 with integral action, none is 0 times infinity
         if source == "d":
             y, u = quotient(p * d, back + forward), quotient(-forward, back + forward)
@@ -393,24 +385,15 @@ def require_well_posed(loop: Loop) -> None:
 
 
 def require_loop(loop: Loop) -> None:
-    """Raise for what is not a loop, and say what to do with it."""
+    """Raise unless it is a loop."""
     if not isinstance(loop, Loop):
-        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}; {_instead_of_loop(loop)}")
+        raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}")
 
 
 def open_loop(loop: Loop) -> Fraction:
     """Return (num, den) of the loop transfer function without its dead time; nothing is cancelled."""
     require_loop(loop)
     return loop.open_loop
-
-
-def _instead_of_loop(value: Any) -> str:
-    """Return what to do with something that is no loop."""
-    if callable(getattr(value, "loop", None)):
-        return "pass its .loop()"
-    if isinstance(value, Process):
-        return "for a process alone use open_loop_step"
-    return "close one with pidalab.Loop(process, controller)"
 
 
 def _rational(name: str, block: Any, kind: type) -> Fraction:

@@ -26,7 +26,6 @@ from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.response import Response
-from pidalab.robustness import LinearPart
 from pidalab.style import GREY, STYLE, BookAxes
 
 LINE_POINTS = 4000  # of a line; a vector file keeps only those that can be seen
@@ -138,63 +137,6 @@ def signal(
     ax.set_xlim(0, until)
 
 
-def comparison(
-    clean: Mapping[str, Mapping[str, Response]],
-    noisy: Mapping[str, Mapping[str, Response]],
-    until: float,
-    u_until: float,
-) -> Figure:
-    """Draw set-point (left) and load (right) responses, y above u, exact lines over single noisy runs.
-
-    Parameters
-    ----------
-    clean : mapping of str to mapping of str to Response
-        By label and by experiment, ``"setpoint"`` and ``"load"``: noise-free responses.
-    noisy : mapping of str to mapping of str to Response
-        Single runs with noise in the same order, drawn faintly.
-    until : float
-        End of the time axes.
-    u_until : float
-        End of the time axis of u after a set-point step, where its first peak can be seen.
-
-    Returns
-    -------
-    Figure
-        With four axes.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For anything but runs and experiments by their labels, and for a label without one of the experiments.
-
-    Examples
-    --------
-    >>> import numpy as np, pidalab
-    >>> t, loop = np.linspace(0, 20, 201), pidalab.Loop(pidalab.ipdt(1.0, delay=1.0), 0.3)
-    >>> runs = {"P": {"setpoint": pidalab.step_response(loop, t), "load": pidalab.load_response(loop, t)}}
-    >>> len(pidalab.plots.comparison(runs, runs, until=20.0, u_until=5.0).axes)
-    4
-    """
-    for name, runs in (("clean", clean), ("noisy", noisy)):
-        _require_by_label(name, runs, Mapping)
-        for label, run in runs.items():
-            if missing := {"setpoint", "load"} - set(run):
-                raise ValueError(
-                    f"{name}[{label!r}] must have 'setpoint' and 'load', {missing.pop()!r} is missing"
-                )
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 5.0))
-    for column, (experiment, end) in enumerate((("setpoint", u_until), ("load", until))):
-        lines, faint = ({label: run[experiment] for label, run in runs.items()} for runs in (clean, noisy))
-        signal(axes[0, column], lines, "y", until=until, faint=faint)
-        signal(axes[1, column], lines, "u", until=end, faint=faint)
-        axes[0, column].set(
-            title=f"{experiment.replace('setpoint', 'set-point')} step", ylabel="output y", xlabel=""
-        )
-        axes[1, column].set(ylabel="control u")
-    axes[0, 0].legend()
-    return figure
-
-
 def experiment(
     runs: Mapping[str, Response], y_label: str, u_label: str, time_label: str = "time units"
 ) -> Figure:
@@ -230,9 +172,7 @@ def experiment(
     first = next(iter(runs.values()))
     for label, run in runs.items():
         if not np.array_equal(run.t, first.t) or not np.array_equal(run.r, first.r):
-            raise ValueError(
-                f"runs must have the same times and the same set point, found others in {label!r}"
-            )
+            raise ValueError(f"runs must have the same times and set point, found others in {label!r}")
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
     axes[0].plot(*thin(first.t, first.r), "-", color=GREY, linewidth=1.0, drawstyle="steps-post")
     for ax, name, label in zip(axes, "yu", (y_label, u_label), strict=True):
@@ -377,10 +317,10 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
         up = -1 if label in below else 1
-        lean = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up  # away from the slope
-        place: dict[str, Any] = {"ha": ("center", "left", "right")[lean], "va": "bottom" if up > 0 else "top"}
+        side = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up  # away from the slope
+        place: dict[str, Any] = {"ha": ("center", "left", "right")[side], "va": "bottom" if up > 0 else "top"}
         x, y = ax.transData.inverted().transform((here, y))
-        away: dict[str, Any] = {"xytext": (3 * lean, 3 * up), "textcoords": "offset points"}
+        away: dict[str, Any] = {"xytext": (3 * side, 3 * up), "textcoords": "offset points"}
         ax.annotate(label, (x, y), **away, **place, color=lines[label].get_color())
 
 
@@ -412,7 +352,11 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     >>> pidalab.plots.nyquist(ax, {"P": loop}, np.logspace(-1, 1, 100), ms=1.6)
     """
     radius = None if ms is None else 1 / _check.real("ms", ms, at_least=1.0)
-    for label, (_, value) in _loci(ax, "loops", loops, Loop, frequencies).items():
+    _require_axes(ax)
+    _require_by_label("loops", loops, Loop)
+    w = _check.vector("frequencies", frequencies)
+    for label, loop in loops.items():
+        value = loop.L(1j * w)
         ax.plot(value.real, value.imag, label=label)
     if radius is not None:
         angle = np.linspace(0, 2 * np.pi, 200)
@@ -452,93 +396,6 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     for label, values in curves.items():
         ax.loglog(*thin(frequencies, np.abs(values)), label=label)
     ax.set(xlabel="frequency, rad per time unit", ylabel="magnitude")
-
-
-def circle_locus(ax: Axes, parts: Mapping[str, LinearPart], frequencies: Array) -> None:
-    """Draw G(jw) of limited loops with the line that the circle criterion forbids them to reach.
-
-    Parameters
-    ----------
-    ax : Axes
-        Where to draw.
-    parts : mapping of str to LinearPart
-        Curves by their labels, from `pidalab.robustness.linear_part`.
-    frequencies : ndarray, shape (n,)
-        In rad per time unit.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For anything but axes, frequencies and parts by their labels.
-
-    Examples
-    --------
-    >>> import numpy as np, pidalab
-    >>> import matplotlib.pyplot as plt
-    >>> figure, ax = plt.subplots()
-    >>> part = pidalab.robustness.linear_part(pidalab.Loop(pidalab.lags(3), 3.0))
-    >>> pidalab.plots.circle_locus(ax, {"lags": part}, np.logspace(-2, 2, 200))
-    """
-    for label, (_, value) in _loci(ax, "parts", parts, LinearPart, frequencies).items():
-        ax.plot(value.real, value.imag, label=label)
-    ax.axvline(-1.0, linestyle=":", color=GREY, linewidth=1.2, zorder=1)
-    ax.plot([-1], [0], "+", color=GREY, markersize=9)
-    ax.set(xlabel="real part of G", ylabel="imaginary part of G")
-
-
-def popov_plot(
-    ax: Axes,
-    parts: Mapping[str, LinearPart],
-    frequencies: Array,
-    multipliers: Mapping[str, float] | None = None,
-) -> None:
-    """Draw Popov plots: w Im G(jw) over Re G(jw), with the line that a curve must stay to the right of.
-
-    Parameters
-    ----------
-    ax : Axes
-        Where to draw.
-    parts : mapping of str to LinearPart
-        Curves by their labels, from `pidalab.robustness.linear_part`.
-    frequencies : ndarray, shape (n,)
-        In rad per time unit.
-    multipliers : mapping of str to float, optional
-        θ by label, as `pidalab.robustness.popov` finds it: a thin line in the colour of the curve passes
-        through -1 with the slope 1/θ.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For anything but axes, frequencies and parts by their labels.
-
-    Examples
-    --------
-    >>> import numpy as np, pidalab
-    >>> import matplotlib.pyplot as plt
-    >>> figure, ax = plt.subplots()
-    >>> loop = pidalab.Loop(pidalab.lags(3), 7.0)
-    >>> parts = {"lags": pidalab.robustness.linear_part(loop)}
-    >>> theta = {"lags": pidalab.robustness.popov(loop).multiplier}
-    >>> pidalab.plots.popov_plot(ax, parts, np.logspace(-2, 2, 200), theta)
-    >>> len(ax.lines)
-    3
-    """
-    for label, (w, value) in _loci(ax, "parts", parts, LinearPart, frequencies).items():
-        (curve,) = ax.plot(value.real, w * value.imag, label=label)
-        if multipliers and label in multipliers:
-            through = (multipliers[label] - 1.0, 1.0)
-            thin_line: dict[str, Any] = {"linestyle": ":", "linewidth": 1.0, "zorder": 1}
-            ax.axline((-1.0, 0.0), through, color=curve.get_color(), **thin_line)
-    ax.plot([-1], [0], "+", color=GREY, markersize=9)
-    ax.set(xlabel="real part of G", ylabel="frequency times imaginary part of G")
-
-
-def _loci(ax: Axes, name: str, things: Mapping[str, Any], kind: type, frequencies: Array) -> dict[str, Any]:
-    """Return frequencies and values of loops or linear parts by their labels, once all is checked."""
-    _require_axes(ax)
-    _require_by_label(name, things, kind)
-    w = _check.vector("frequencies", frequencies)
-    return {label: (w, (thing.L if kind is Loop else thing)(1j * w)) for label, thing in things.items()}
 
 
 class _LiveFigure:
@@ -603,9 +460,7 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
     """Write a controller as the lab does: standard form and binomial filter."""
     gains = controller.coefficients
     if not 2 <= len(gains) <= 4 or gains[0] == 0 or gains[1] == 0:
-        raise ValueError(
-            f"controllers[{name!r}] must have 2 to 4 gains, the first two not 0, found {list(gains)}"
-        )
+        raise ValueError(f"controllers[{name!r}] must be a PI, PID or PIDA, found gains {list(gains)}")
     values = {**controller.gains().standard()._asdict(), "filterTime": controller.filter_time}
     rounded = {key: _six_digits(value) for key, value in values.items()}
     return {"kind": KINDS[len(gains) - 2], **rounded, "filterOrder": controller.filter_order}

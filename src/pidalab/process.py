@@ -13,7 +13,7 @@ from pidalab import _check
 
 
 def of_control(system: Any) -> bool:
-    """Whether something is a system of python-control, which need not be imported to tell."""
+    """Return True for a system of python-control, which need not be imported to tell."""
     return type(system).__name__ in ("TransferFunction", "StateSpace") and type(system).__module__.startswith(
         "control"
     )
@@ -98,24 +98,20 @@ class Process(Block):
     def __init__(self, num: ArrayLike, den: ArrayLike, delay: float = 0.0) -> None:
         if of_control(num):
             raise TypeError(
-                "num must be coefficients, found a python-control system; use Process.from_control(sys, delay)"
+                "num must be coefficients; for a python-control system use Process.from_control(sys, delay)"
             )
         self.num = _check.polynomial("num", num)
         self.den = _check.polynomial("den", den)
         self.delay = _check.real("delay", delay, at_least=0.0)
         if 0 < self.delay < SHORTEST_TIME:
-            raise ValueError(
-                f"delay must be 0, or at least {SHORTEST_TIME:g}: its inverse is needed, found {delay:g}"
-            )
+            raise ValueError(f"delay must be 0, or at least {SHORTEST_TIME:g}, found {delay:g}")
         _check.proper("the process", self.num, self.den)
         self.num.setflags(write=False)
         self.den.setflags(write=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if hasattr(self, name):
-            raise AttributeError(
-                f"a Process does not change; make a new one, as in Process(P.num, P.den, {name}=...)"
-            )
+            raise AttributeError(f"a Process does not change; make a new one with another {name}")
         super().__setattr__(name, value)
 
     def __eq__(self, other: object) -> bool:
@@ -128,12 +124,12 @@ class Process(Block):
         return self.num.tolist(), self.den.tolist(), self.delay
 
     @classmethod
-    def from_control(cls, sys: control.TransferFunction | control.StateSpace, delay: float = 0.0) -> Process:
+    def from_control(cls, sys: control.TransferFunction, delay: float = 0.0) -> Process:
         """Take the rational part from python-control and add a dead time.
 
         Parameters
         ----------
-        sys : control.TransferFunction or control.StateSpace
+        sys : control.TransferFunction
             Continuous-time, one input, one output, proper.
         delay : float, optional
             Dead time, not negative.
@@ -251,33 +247,24 @@ def binomial(lag: float, order: int) -> _check.Array:
 
 
 def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
-    """Return (num, den) of a number, a controller or a proper continuous SISO python-control system."""
+    """Return (num, den) of a number, a controller or a proper continuous SISO transfer function of python-control."""
     if hasattr(system, "fraction"):
         num, den = system.fraction()
     elif of_control(system):
-        import control
-
+        if type(system).__name__ == "StateSpace":
+            raise TypeError(f"{name} must be a transfer function; convert a StateSpace with control.tf")
         if system.ninputs != 1 or system.noutputs != 1:
             raise ValueError(
-                f"{name} must have one input and one output, found {system.ninputs} and {system.noutputs}"
+                f"{name} must have one input and output, found {system.ninputs} and {system.noutputs}"
             )
         if system.isdtime(strict=True):
             raise ValueError(f"{name} must be continuous in time, found sample time {system.dt}")
-        if not isinstance(system, control.StateSpace):
-            num, den = system.num[0][0], system.den[0][0]
-        elif system.nstates:
-            from pidalab.statespace import fraction
-
-            A, b, c, d = (_check.array(f"{name}.{part}", getattr(system, part)) for part in "ABCD")
-            num, den = fraction(A, b[:, 0], c[0], float(d[0, 0]))
-        else:
-            num, den = system.D[0], [1.0]
+        num, den = system.num[0][0], system.den[0][0]
     elif isinstance(system, (int, float, np.floating, np.integer)) and not isinstance(system, bool):
         num, den = [system], [1.0]
     else:
         raise TypeError(
-            f"{name} must be a number, a pidalab controller or a control.TransferFunction, "
-            f"found {type(system).__name__}"
+            f"{name} must be a number, a controller or a transfer function, found {type(system).__name__}"
         )
     num, den = _check.polynomial(f"{name}.num", num), _check.polynomial(f"{name}.den", den)
     _check.proper(name, num, den)
@@ -295,10 +282,7 @@ def require_no_zero_at_origin(name: str, value: Any) -> None:
     """Raise unless it is a Process through which an output can be held: no zero at the origin."""
     require_process(name, value)
     if value.num[-1] == 0:
-        raise ValueError(
-            f"{name} must have a static gain other than 0, or an integrator, found {value!r}: nothing can be held "
-            "through it"
-        )
+        raise ValueError(f"{name} must have a static gain other than 0, or an integrator, found {value!r}")
 
 
 def sign_of_gain(process: Process) -> float:
@@ -369,9 +353,7 @@ def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
     """
     tau = _check.real("tau", tau, above=0.0)
     if not SHORTEST_TIME < tau < 1 / SHORTEST_TIME:
-        raise ValueError(
-            f"tau must lie between {SHORTEST_TIME:g} and {1 / SHORTEST_TIME:g}, its square being needed, found {tau:g}"
-        )
+        raise ValueError(f"tau must be from {SHORTEST_TIME:g} to {1 / SHORTEST_TIME:g}, found {tau:g}")
     damping = _check.real("damping", damping, at_least=0.0)
     return Process([_check.real("gain", gain)], [tau**2, 2 * damping * tau, 1.0], delay)
 
@@ -439,9 +421,7 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         den = binomial(lag, order)
     if not (np.all(np.isfinite(den)) and np.all(den)):
-        raise ValueError(
-            f"(lag s + 1)^order leaves the range of numbers for lag = {lag:g} and order = {order}"
-        )
+        raise ValueError(f"(lag s + 1)^order overflows for lag = {lag:g} and order = {order}")
     return Process([_check.real("gain", gain)], den, delay)
 
 

@@ -104,9 +104,7 @@ def ultimate_frequency(process: Process) -> float:
     past = np.flatnonzero(phase(w) < -np.pi)
     if not past.size or past[0] == 0:
         reason = f"it first jumps at the zero at {on_axis.min():.6g}j" if on_axis.size else "it never does"
-        raise ValueError(
-            f"process must have an ultimate frequency, where its phase falls below -pi: {reason}; found {process!r}"
-        )
+        raise ValueError(f"process must have a phase that falls below -pi: {reason}; found {process!r}")
     low, high = w[past[0] - 1], w[past[0]]
     return float(brentq(lambda x: phase(x)[0] + np.pi, low, high, xtol=1e-14 * low, rtol=1e-14))
 
@@ -133,8 +131,8 @@ def turned_phase(process: Process, w: Array) -> Array:
     [0.0, -3.3562]
     """
     total = -process.delay * w
-    for sign, found in ((1, roots(process.num)), (-1, roots(process.den))):
-        away = found[found != 0]
+    for sign, factors in ((1, roots(process.num)), (-1, roots(process.den))):
+        away = factors[factors != 0]
         away = np.where(away.real == 0, away - 1e-9 * np.abs(away), away)
         # each factor stays in one half-plane, so its angle is continuous
         total = total + sign * np.angle(1 - 1j * w[:, None] / away).sum(axis=1)
@@ -188,8 +186,8 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     x = math.sqrt(max(1 / magnitude**2 - 1, 0.0))
     if x <= LEAST_LAG:
         raise ValueError(
-            "process must fall off towards its ultimate frequency to have a first-order model: "
-            f"|G(j wu)/G(0)| must be below 1, found {magnitude:.6g} at wu = {wu:.6g}"
+            "process has no first-order model: |G(j wu)/G(0)| must be below 1, "
+            f"found {magnitude:.6g} at wu = {wu:.6g}"
         )
     return FirstOrderModel(process.gain(), x / wu, (math.pi - math.atan(x)) / wu, wu)
 
@@ -252,14 +250,12 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     a, b = (float(c) for c in np.linalg.lstsq(np.column_stack([g * x**2, g * x**4]), 1 - g, rcond=None)[0])
     if b <= LEAST_LAG * max(1.0, a):
         raise ValueError(
-            f"process has no second-order model: the fit gives (tau wu)^4 = {b:.4g}, and it must be above 0; "
-            "a process of first order has a model by to_fopdt"
+            f"process has no second-order model: (tau wu)^4 must be above 0, found {b:.4g}; try to_fopdt"
         )
     square = (a + 2 * math.sqrt(b)) / (4 * math.sqrt(b))
     if square < 0:
         raise ValueError(
-            f"process has no second-order model: the fit gives damping^2 = {square:.4g}, and it must be at least 0; "
-            "its magnitude rises too high below the ultimate frequency"
+            f"process has no second-order model: damping^2 must be at least 0, found {square:.4g}"
         )
     tau, damping = b**0.25, math.sqrt(square)
     lag = math.atan2(2 * damping * tau, 1 - tau**2)  # of the phase, at wu
@@ -272,9 +268,7 @@ def _unit(process: Process) -> Process:
     poles = roots(process.den)
     if np.any(poles.real >= 0):
         kind = "integrating" if np.any(poles == 0) else "unstable"
-        raise ValueError(
-            f"process must be stable, found an {kind} one with the poles {poles.round(4).tolist()}"
-        )
+        raise ValueError(f"process must be stable, found an {kind} one: {process!r}")
     if process.gain() == 0:
         raise ValueError(f"process must have a static gain other than 0, found {process!r}")
     return Process(process.num / process.gain(), process.den, process.delay)

@@ -89,8 +89,7 @@ def _without_ultimate_period(process: Process) -> NoiseScale:
     time = float(np.sum(1 / poles[poles > 0])) + process.delay
     if not time:
         raise ValueError(
-            "process must have a time constant or a dead time, from which the sample time of its noise follows, found "
-            f"{process!r}; give sample_time"
+            f"process must have a time constant or a dead time, found {process!r}; give sample_time"
         )
     static = float(process.num[-1] / process.den[-1 - integrators])
     return NoiseScale(time / SAMPLES, 1 / (abs(static) * time**integrators))
@@ -124,10 +123,10 @@ def relative_noise_gain(loop: Loop) -> float:
     """
     require_loop(loop)
     scale = noise_scale(loop.process)
-    found, remark = sampled_noise(loop, scale.sample_time)
-    if math.isnan(found):
+    gain, remark = sampled_noise(loop, scale.sample_time)
+    if math.isnan(gain):
         raise ValueError(remark)
-    return found / scale.gain
+    return gain / scale.gain
 
 
 def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:

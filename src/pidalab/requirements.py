@@ -56,15 +56,10 @@ class Requirements:
 
     def __post_init__(self) -> None:
         checked = {name: _check.real(name, getattr(self, name), above=1.0) for name in ("ms", "ms_worst")}
-        for name, least in (
-            ("mks", 0.0),
-            ("mt", 1.0),
-            ("disk", 0.0),
-            ("noise_gain", 0.0),
-            ("sample_time", 0.0),
-        ):
+        least = {"mks": 0.0, "mt": 1.0, "disk": 0.0, "noise_gain": 0.0, "sample_time": 0.0}
+        for name, bound in least.items():
             if getattr(self, name) is not None:
-                checked[name] = _check.real(name, getattr(self, name), above=least)
+                checked[name] = _check.real(name, getattr(self, name), above=bound)
         if self.disk is not None and checked["disk"] >= LARGEST_DISK:
             raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {self.disk:g}")
         if self.sample_time is not None and self.noise_gain is None:
@@ -81,10 +76,10 @@ class Requirements:
 
     def peaks(self, slack: float = 0.0) -> dict[str, float]:
         """Return the largest values over all frequencies, less a share: see `pidalab.optimal.problem.PEAKS`."""
-        found = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
+        limits = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
         if self.disk is not None:
-            found["inverse_disk"] = 1 / self.disk
-        return {name: value * (1 - slack) for name, value in found.items()}
+            limits["inverse_disk"] = 1 / self.disk
+        return {name: value * (1 - slack) for name, value in limits.items()}
 
     def reached(self, values: dict[str, float], share: float) -> list[str]:
         """Return the names of the limits that values come up to within a share."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -227,14 +228,7 @@ class Response(Signals):
         >>> record.tv("u"), record.tv("u", 1.0), record.tv("u", final=0.0)
         (6.0, 5.0, 8.0)
         """
-        self._require_path(signal, horizon)
-
-        return self._settle(
-            "tv",
-            lambda record: _variation(record._path(signal, horizon, final)),
-            signal,
-            missed=lambda record: 2 * float(np.sum(_missed(record._path(signal, horizon)))),
-        )
+        return self._variation("tv", signal, horizon, final, lambda path: 0.0)
 
     def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
@@ -267,19 +261,32 @@ class Response(Signals):
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=0.0, u=[3.0, 1.0, 2.0]).tv1("u")
         2.0
         """
+
+        def pulse(path: Array) -> float:
+            return float(np.max(np.abs(2 * path - path[0] - path[-1])))
+
+        return self._variation("tv1", signal, horizon, final, pulse)
+
+    def _variation(
+        self,
+        name: str,
+        signal: str,
+        horizon: float | None,
+        final: float | None,
+        less: Callable[[Array], float],
+    ) -> float:
+        """Return the total variation of a signal, less a function of its path."""
         self._require_path(signal, horizon)
 
         def excess(record: Response) -> float:
             path = record._path(signal, horizon, final)
-            return _variation(path) - float(np.max(np.abs(2 * path - path[0] - path[-1])))
+            return _variation(path) - less(path)
 
-        whole = _variation(self._path(signal, horizon, final))
+        def missed(record: Response) -> float:
+            return 2 * float(np.sum(_missed(record._path(signal, horizon))))
+
         return self._settle(
-            "tv1",
-            excess,
-            signal,
-            missed=lambda record: 2 * float(np.sum(_missed(record._path(signal, horizon)))),
-            least=whole,
+            name, excess, signal, missed, least=_variation(self._path(signal, horizon, final))
         )
 
     def _require_path(self, signal: str, horizon: float | None) -> None:
@@ -300,8 +307,7 @@ class Response(Signals):
         self._require_bounded("y", self.y, measure)
         if target == 0:
             raise ValueError(
-                f"{measure} needs a final value other than 0, and the set point ends at 0; give final=, such as the "
-                "static gain for the step response of a process, or use peak() for a disturbance"
+                f"{measure} needs a final value other than 0, found one of the set point; give final, or use peak()"
             )
         return target
 
@@ -339,7 +345,7 @@ class Response(Signals):
         def missed(record: Response) -> float:
             path = record.y / target
             # the exact area shows most of it
-            return float(25 * (np.max(path + _missed(path)) - np.max(path))) if np.max(path) > 1 else 0.0
+            return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
 
@@ -370,10 +376,7 @@ class Response(Signals):
         """
         target = self._passed_peak(final, "peak_time")
         if (share := self._top(target)[1]) <= 1:
-            raise ValueError(
-                f"peak_time needs a response that passes its final value, found {share:.6g} of it at most; "
-                "without an overshoot there is no peak"
-            )
+            raise ValueError(f"peak_time needs an overshoot, found {share:.6g} of the final value at most")
         return self._settle("peak_time", lambda record: record._top(target)[0])
 
     def _passed_peak(self, final: float | None, measure: str) -> float:
@@ -384,9 +387,8 @@ class Response(Signals):
         ends_early = share < 1 or time >= self.t[-1] - self.step
         if self.t.size >= FEWEST_JUDGED and missing > ARRIVED_SHARE and ends_early:
             raise ValueError(
-                f"{measure} needs a response that has passed its peak or come within {100 * ARRIVED_SHARE:g} % of its "
-                f"final value; found one that ends at t = {self.t[-1]:g} with {100 * missing:.3g} % left; simulate "
-                "longer"
+                f"{measure} needs a record that passes the peak or comes within {100 * ARRIVED_SHARE:g} % of the final "
+                f"value, found {100 * missing:.3g} % left at t = {self.t[-1]:g}; simulate longer"
             )
         return target
 
@@ -431,7 +433,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = -record._path("y") / target
-            return float(100 * (np.max(path + _missed(path)) - np.max(path)))
+            return 100 * _missed_top(path, path)
 
         return self._settle("undershoot", share, missed=missed, least=1.0)
 
@@ -500,7 +502,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record._path(signal, horizon)
-            return float(np.max(np.abs(path) + _missed(path)) - np.max(np.abs(path)))
+            return _missed_top(np.abs(path), path)
 
         return self._settle("peak", extreme, signal, missed)
 
@@ -535,15 +537,12 @@ class Response(Signals):
         1.60
         """
         if not 0 < _check.real("low", low) < _check.real("high", high) < 1:
-            raise ValueError(
-                f"low and high must be shares with 0 < low < high < 1, found {low!r} and {high!r}"
-            )
+            raise ValueError(f"low and high must be 0 < low < high < 1, found {low!r} and {high!r}")
         target = self._final(final, "rise_time")
         highest = float(np.max(self.y / target))
         if highest < high:
             raise ValueError(
-                f"the output reaches {highest:.6g} of the final value in this record (up to t = {self.t[-1]:g}), not "
-                f"{high:g}; simulate longer"
+                f"y must reach {high:g} of its final value, found {highest:.6g} at most; simulate longer"
             )
 
         def duration(record: Response) -> float:
@@ -596,8 +595,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"the error is {tail:.3g} in the last tenth of the record (up to t = {self.t[-1]:g}), outside the "
-                f"band of {limit:.3g}; simulate longer or widen the band"
+                f"band must hold the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
             )
 
         def entry(record: Response) -> float:
@@ -617,6 +615,11 @@ class Response(Signals):
 
 def _variation(path: Array) -> float:
     return float(np.sum(np.abs(np.diff(path))))
+
+
+def _missed_top(size: Array, path: Array) -> float:
+    """Estimate how far the largest of some sizes of a path lies below that between the samples."""
+    return float(np.max(size + _missed(path)) - np.max(size))
 
 
 def _missed(path: Array) -> Array:

@@ -48,9 +48,9 @@ def _roots(raw: bytes) -> Any:
     coefficients = np.frombuffer(raw)
     kept = np.trim_zeros(coefficients, "b")
     at_zero = np.zeros(coefficients.size - kept.size, dtype=complex)
-    found = np.concatenate([at_zero, _of_nonzero(kept)])
-    found.setflags(write=False)
-    return found
+    values = np.concatenate([at_zero, _of_nonzero(kept)])
+    values.setflags(write=False)
+    return values
 
 
 def _of_nonzero(coefficients: Array) -> Any:
@@ -66,9 +66,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
-        raise ValueError(
-            f"the coefficients {coefficients[:4]}... lie too far apart: their roots leave double precision"
-        )
+        raise ValueError(f"the coefficients {coefficients[:4]}... lie too far apart for their roots")
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
@@ -97,8 +95,8 @@ def _of_nonzero(coefficients: Array) -> Any:
         least = 1.0  # the product may be near, and yet a response made of them is lost in rounding
     if not least <= ALLOWED:
         raise ValueError(
-            f"the roots of a polynomial of degree {degree} cannot be found from its coefficients: their product is "
-            f"another polynomial by {least:.1g}; take fewer lags, or another model"
+            f"the roots of a polynomial of degree {degree} are lost in rounding: their product differs from it by "
+            f"{least:.1g}; take fewer lags, or another model"
         )
     return _in_pairs(best * scale)
 
@@ -112,10 +110,10 @@ def _of_quadratic(scaled: Array) -> Any:
     return np.array([large, scaled[2] / large], dtype=complex)
 
 
-def _difference(scaled: Array, found: Any, times: Array, size: Array) -> float:
+def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
     """Largest difference of the product's coefficients, relative to their size."""
     product = np.ones(1, dtype=complex)
-    for root, multiplicity in zip(found, times, strict=True):
+    for root, multiplicity in zip(values, times, strict=True):
         for _ in range(int(multiplicity)):
             product = np.convolve(product, [1.0, -root])
     return float(np.max(np.abs(product - scaled) / size))
@@ -141,8 +139,8 @@ def _below(first: tuple[int, float], middle: tuple[int, float], last: tuple[int,
 
 def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
     """Join roots that are linked by distances below radius, keeping pairs conjugate: means and multiplicities."""
-    near = np.abs(scattered[:, None] - scattered[None, :]) <= radius * np.abs(scattered)[:, None]
-    reach = near | near.T
+    is_near = np.abs(scattered[:, None] - scattered[None, :]) <= radius * np.abs(scattered)[:, None]
+    reach = is_near | is_near.T
     for _ in range(int(np.ceil(np.log2(scattered.size))) + 1):
         reach = reach @ reach
     groups = np.unique(reach, axis=0)
@@ -152,33 +150,33 @@ def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
     return np.where(conjugate, means.real, means), groups.sum(axis=1).astype(float)
 
 
-def _polished(scaled: Array, found: Any, times: Array, size: Array) -> tuple[Any, float]:
+def _polished(scaled: Array, values: Any, times: Array, size: Array) -> tuple[Any, float]:
     """Gauss-Newton steps that bring multiple roots to the coefficients, and how far off these are then."""
-    real, best, least = found.imag == 0, found, _difference(scaled, found, times, size)
+    real, best, least = values.imag == 0, values, _difference(scaled, values, times, size)
     weight = 1 / size[1:]
     # a multiple root is well determined once its multiplicity is: it is only its single copies that scatter
     for _ in range(8):
         if least <= SAME_COEFFICIENTS * scaled.size:
             break
-        product = np.poly(np.repeat(found, times.astype(int)))
+        product = np.poly(np.repeat(values, times.astype(int)))
         slopes = np.stack(
-            [-m * np.polydiv(product, [1.0, -z])[0] for z, m in zip(found, times, strict=True)], axis=1
+            [-m * np.polydiv(product, [1.0, -z])[0] for z, m in zip(values, times, strict=True)], axis=1
         )
         step = np.linalg.lstsq(slopes * weight[:, None], (scaled - product)[1:] * weight, rcond=None)[0]
-        found = found + step
-        found = np.where(real, found.real, found)
-        off = _difference(scaled, found, times, size)
+        values = values + step
+        values = np.where(real, values.real, values)
+        off = _difference(scaled, values, times, size)
         if not off < least:
             break
-        best, least = found, off
+        best, least = values, off
     return best, least
 
 
-def _in_pairs(found: Any) -> Any:
+def _in_pairs(values: Any) -> Any:
     """Sort by modulus, complex roots as exact pairs."""
-    found = np.where(np.abs(found.real) <= ON_AXIS * np.abs(found), 1j * found.imag, found)
-    upper = found[found.imag > 0]
-    single = found[found.imag == 0].real
+    values = np.where(np.abs(values.real) <= ON_AXIS * np.abs(values), 1j * values.imag, values)
+    upper = values[values.imag > 0]
+    single = values[values.imag == 0].real
     order = np.argsort(np.concatenate([np.abs(single), np.abs(upper)]), kind="stable")
     parts = [[complex(z)] for z in single] + [[z, z.conjugate()] for z in upper]
     return np.array([z for i in order for z in parts[i]], dtype=complex)
@@ -189,42 +187,6 @@ def quadratic_roots(c0: Array, c1: Array, c2: Array) -> Array:
     with np.errstate(all="ignore"):
         q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
         return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)
-
-
-def succeeded(result: Any, what: str) -> Any:
-    """Return the result of an optimiser or a root finder of SciPy, once it says that it succeeded.
-
-    Parameters
-    ----------
-    result : scipy.optimize.OptimizeResult or scipy.optimize.RootResults
-        What the search returned.
-    what : str
-        What was searched, for the message.
-
-    Returns
-    -------
-    object
-        The same result.
-
-    Raises
-    ------
-    ArithmeticError
-        If the search failed: with its own reason, where it ended and how many values it took.
-
-    Examples
-    --------
-    >>> from scipy.optimize import minimize
-    >>> from pidalab.roots import succeeded
-    >>> found = succeeded(minimize(lambda x: (x[0] - 2) ** 2, [0.0]), "the least square")
-    >>> print(f"{found.x[0]:.4f}")
-    2.0000
-    """
-    if getattr(result, "success", getattr(result, "converged", False)):
-        return result
-    reason = getattr(result, "message", getattr(result, "flag", "it does not say why"))
-    end = getattr(result, "x", getattr(result, "root", None))
-    asked = getattr(result, "nfev", getattr(result, "function_calls", "an unknown number of"))
-    raise ArithmeticError(f"{what} was not found: {reason} (at {end}, after {asked} values)")
 
 
 def border(holds: Callable[[float], bool], inside: float, outside: float, share: float = 1e-7) -> float:

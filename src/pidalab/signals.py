@@ -144,10 +144,10 @@ class Signals:
         agreements, record, first = 0, self, value
         while True:
             agreements = agreements + 1 if doubt <= SAME_SHARE else 0
-            seen = self._speed is None or self._speed() * record.step <= 1.0
+            resolved = self._speed is None or self._speed() * record.step <= 1.0
             inside = missed(record) / size() if missed else 0.0
-            enough = 1 if seen and (integral or missed) else 2 if integral or missed else 3
-            if agreements >= enough and (seen or integral) and inside <= SAME_SHARE:
+            enough = 1 if resolved and (integral or missed) else 2 if integral or missed else 3
+            if agreements >= enough and (resolved or integral) and inside <= SAME_SHARE:
                 return first if record in (self, vars(self).get("_next")) else value
             if record.t.size * REFINEMENT > FINEST_GRID:
                 break
@@ -228,10 +228,7 @@ class Signals:
         -1.0000
         """
         if not np.array_equal(self.t, reference.t):
-            raise ValueError(
-                f"the reference must have the same times (0 to {self.t[-1]:g} in {self.t.size} samples), found 0 to "
-                f"{reference.t[-1]:g} in {reference.t.size}"
-            )
+            raise ValueError(f"reference must have the same times, found {reference!r} for {self!r}")
         return self._derived(
             partial(_finer_difference, self, reference) if reference._finer else None,
             r=np.zeros_like(self.r),
@@ -280,9 +277,9 @@ class Signals:
         before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in "rdu"} | {"n": 0.0}
         # what is held jumps at stop: its value just before belongs to the stretch
         signals: dict[str, Any] = {}
-        for name, rest in before.items():
+        for name, level in before.items():
             held = getattr(self, name)
-            signals[name] = np.append(held[first:last], held[last - 1]) - rest
+            signals[name] = np.append(held[first:last], held[last - 1]) - level
         t = self.t[span] - self.t[first]
         return self._derived(
             partial(apply_to_finer, self, methodcaller("between", first * self.step, last * self.step)),
@@ -300,7 +297,7 @@ class Signals:
         first, last = round(start / self.step), round(stop / self.step)
         if not 0 <= first < last <= self.t.size:
             raise ValueError(
-                f"start and stop must lie in order in the record (0 to {self.t[-1]:g}), found {start:g} and {stop:g}"
+                f"start and stop must be in order, 0 to {self.t[-1]:g}, found {start:g} and {stop:g}"
             )
         return first, last
 
@@ -327,9 +324,8 @@ class Signals:
         tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
         if tail > SETTLED_SHARE * largest:
             raise ValueError(
-                f"horizon=inf needs a settled record: the error is still {tail:.3g} in the last tenth before "
-                f"t = {self.t[-1]:g}, and {SETTLED_SHARE * largest:.3g} is allowed; simulate longer or give a finite "
-                "horizon"
+                f"horizon=inf needs a settled record: the last error may be {SETTLED_SHARE * largest:.3g}, "
+                f"found {tail:.3g}; simulate longer or give a finite horizon"
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
@@ -348,9 +344,8 @@ class Signals:
         if self._grows(signal, start):
             late, early = self._movements(signal, start)
             raise ValueError(
-                f"{measure} needs a response that does not diverge: {name} moves over {late:.3g} in the last tenth "
-                f"before t = {self.t[-1]:g}, and over {early:.3g} since t = {self.t[start]:g}; give a horizon where "
-                "there is one, or simulate a stable loop for longer"
+                f"{measure} needs a response that does not diverge: in the last tenth {name} moves by {late:.3g}, "
+                f"before by {early:.3g}; give a horizon, or simulate a stable loop for longer"
             )
 
     def _grows(self, signal: Array, start: int) -> bool:
@@ -391,8 +386,7 @@ def _finer_difference(record: Any, reference: Any) -> Any:
 
 def _warn(measure: str, doubt: float, record: Signals) -> None:
     warnings.warn(
-        f"{measure} is uncertain by about {100 * doubt:.2g} %: the samples are too far apart for it, with a step of "
-        f"{record.step:.3g}; take a smaller step",
+        f"{measure} is uncertain by about {100 * doubt:.2g} % with a step of {record.step:.3g}; take a smaller step",
         RuntimeWarning,
         stacklevel=4,
     )

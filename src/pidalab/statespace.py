@@ -18,8 +18,6 @@ ALIGNED = 1e-9
 APART = 10.0
 # poles up to which a part is in companion form
 FEW_STATES = 12
-# share of its largest entries below which an entry of a matrix that somebody else made is rounding
-ROUNDED = 1e-13
 
 
 class StateSpace(NamedTuple):
@@ -157,9 +155,9 @@ def _side_by_side(parts: Sequence[Part], moves: Sequence[tuple[Array, Array]], d
     """Put parts together, with how the states of each move by themselves and with the input."""
     A = np.zeros((sum(part.b.size for part in parts),) * 2)
     at = 0
-    for own, _ in moves:
-        A[at : at + len(own), at : at + len(own)] = own
-        at += len(own)
+    for block, _ in moves:
+        A[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
     b, c = (np.concatenate([np.zeros(0), *x]) for x in ([b for _, b in moves], [part.c for part in parts]))
     return StateSpace(A, b, c, direct)
 
@@ -180,18 +178,18 @@ class Piece(NamedTuple):
     """A part of a sample interval in which a held, delayed input is constant."""
 
     time: float
-    ago: int  # how many samples ago the input was set
-    since: float  # how long after a pulse it begins
+    lag_samples: int  # how many samples ago the input was set
+    offset: float  # how long after a pulse it begins
 
 
 def pieces(delay: float, h: float) -> list[Piece]:
     """Return the one or two pieces of a sample: until the odd part of the dead time is over, an older input acts."""
     samples = delay / h
-    whole = math.floor(samples + ALIGNED)
-    part = h * (samples - whole)
+    samples_passed = math.floor(samples + ALIGNED)
+    part = h * (samples - samples_passed)
     if part < h * ALIGNED:
-        return [Piece(h, whole, 0.0)]
-    return [Piece(part, whole + 1, h - part), Piece(h - part, whole, 0.0)]
+        return [Piece(h, samples_passed, 0.0)]
+    return [Piece(part, samples_passed + 1, h - part), Piece(h - part, samples_passed, 0.0)]
 
 
 def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
@@ -209,49 +207,3 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
         # Of a fast filter only the static gain is left after a while, and this form of it keeps its digits.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma
-
-
-def fraction(A: Array, b: Array, c: Array, d: float) -> tuple[Array, Array]:
-    """Return numerator and monic denominator of a system in state space; nothing is cancelled.
-
-    Coefficients that are 0 but for rounding are 0: those of a lower degree of the numerator, and of poles and zeros at
-    the origin. What rounding leaves there would be zeros far away, and a slow pole in place of an integrator.
-    """
-    from scipy.linalg import hessenberg, matrix_balance, qr
-
-    # with input and output, through which the state of an integrator is tied to the others
-    bordered = np.block([[A, b[:, None]], [c[None, :], np.zeros((1, 1))]])
-    balanced, _ = matrix_balance(bordered, permute=False, separate=True)
-    A, b, c = balanced[:-1, :-1], balanced[:-1, -1], balanced[-1, :-1]
-    size = float(np.linalg.norm(A))
-    den = _characteristic(A, size)
-    if d:
-        return d * _characteristic(A - np.outer(b, c) / d, size), den
-    if not (b.any() and c.any()):
-        return np.zeros(1), den
-    # orthogonal coordinates in which the input drives the first state alone, and each state the next one
-    first, across = qr(b[:, None])
-    chain, turned = hessenberg(first.T @ A @ first, calc_q=True)
-    c = c @ first @ turned
-    # seen first is the state that answers first; what drives it is the gain of the highest power
-    seen = int(np.flatnonzero(np.abs(c) > ROUNDED * np.linalg.norm(c))[0])
-    driven = np.diag(chain, -1)[:seen]
-    if np.any(np.abs(driven) <= ROUNDED * size):
-        return np.zeros(1), den
-    # zeros: how the states behind it move while they keep the output at 0
-    later = slice(seen + 1, None)
-    inside = chain[later, later] - np.outer(chain[later, seen], c[later]) / c[seen]
-    return float(across[0, 0] * np.prod(driven) * c[seen]) * _characteristic(inside, size), den
-
-
-def _characteristic(A: Array, size: float) -> Array:
-    """Return the characteristic polynomial of a matrix, with its roots at the origin, against a size, as such."""
-    at_zero = 0
-    while A.size:
-        _, values, rows = np.linalg.svd(A)
-        if values[-1] > ROUNDED * size:
-            break
-        # a state that holds comes first, and is taken out: of several in a row each is found
-        A = (rows[::-1] @ A @ rows[::-1].T)[1:, 1:]
-        at_zero += 1
-    return np.append(np.poly(A).real if A.size else np.ones(1), np.zeros(at_zero))

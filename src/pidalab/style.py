@@ -62,8 +62,8 @@ STYLE: dict[str, Any] = {
 
 def kind_of(label: str) -> str | None:
     """Return the kind of controller that a label names; "m = 2" and "PID₄²" are those with two derivatives."""
-    if found := re.match(r"m = ([0-4])|PID[₀-₉]([⁰¹²³⁴])", label):
-        derivatives = int(found[1] or "⁰¹²³⁴".index(found[2]))
+    if derivative_label := re.match(r"m = ([0-4])|PID[₀-₉]([⁰¹²³⁴])", label):
+        derivatives = int(derivative_label[1] or "⁰¹²³⁴".index(derivative_label[2]))
         return ("PI", "PID", "PIDA", "m = 3", "m = 4")[derivatives]
     named = re.search(r"\b(PIDA|PID|PI)(?![A-Za-z])", label)
     return named[1] if named else None

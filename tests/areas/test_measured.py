@@ -197,7 +197,7 @@ RECORD = step_record(G1, 30.0, 0.1)
     ("change", "text"),
     [
         ({"u": (RECORD[0] < 9) * 1.0, "start": (0.0, 0.0)}, "u must end elsewhere than it begins"),
-        ({"y": RECORD[2][:-1]}, "y must be a number or an array as long as t"),
+        ({"y": RECORD[2][:-1]}, "y must be a number or as long as t"),
         (
             {"u": np.arange(301) >= 295.0},
             "y must have more than 16 samples after the first move of u, found 5",

@@ -103,7 +103,7 @@ def test_filters_are_blocks_in_series():
             "process must be stable",
         ),
         (lambda: areas.from_process(control.tf([1], [1, 1]), 4), TypeError, "found TransferFunction"),
-        (lambda: areas.from_process(pidalab.lags(1, lag=1e200), 3), ValueError, "overflow double precision"),
+        (lambda: areas.from_process(pidalab.lags(1, lag=1e200), 3), ValueError, "overflow"),
         (lambda: areas.from_process(G1, 0), ValueError, "count must be a whole number, at least 1"),
         (
             lambda: areas.with_binomial_filter([1.0, 2.0], -0.1, 1),

@@ -96,7 +96,7 @@ def test_slow_samples_of_a_fast_derivative():
     """A sample time ten times the filter's time constant: refused for held inputs, and backward serves."""
     process, own = fopdt(2.3, 20.0, 8.0), PIDA(0.8, 22.0, 3.0, n=10)
     t = np.arange(300.0)
-    with pytest.raises(ValueError, match=r"at most the time constant .* \(0\.3\), found 1: .* 'backward'"):
+    with pytest.raises(ValueError, match=r"at most the filter's time constant, 0\.3, found 1"):
         simulate_sampled(Loop(process, own), t, 1.0)
     run = simulate_sampled(Loop(process, own.discretise(1.0)), t, 1.0)
     assert run.overshoot() < 20
@@ -244,7 +244,7 @@ def test_it_does_not_change():
         (
             lambda k: simulate(Loop(lags(2), k), np.arange(9.0), 1.0),
             TypeError,
-            "is digital.*Use simulate_sampled",
+            "controller must be continuous",
         ),
     ],
     ids=["text", "word", "truth", "one", "start", "exact"],

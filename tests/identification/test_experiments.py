@@ -136,16 +136,16 @@ BAD = {
     "constant": ({"y": np.full(T.size, 3.0)}, r"y never moves: it starts at 3 and ends at 3"),
     "second-order": (
         {"y": SECOND},
-        r"y does not fit a third-order model with dead time: alpha = -?\d.* is outside \[0, 1\]",
+        r"y does not fit a third-order model with dead time: alpha must be .* found -?\d",
     ),
-    "sluggish": (
+    "alpha": (
         {"y": 1 - 0.7 * np.exp(-2 * T) - 0.3 * np.exp(-T / 8)},
-        r"it reaches .* which gives L = -.* both must be positive",
+        r"L and tau must be above 0, found -",
     ),
     "crossing": ({"crossing": "nearest"}, "crossing must be 'interpolated' or 'sampled', found 'nearest'"),
     "convex": (
         {"y": np.clip((T - 10.0) / 0.05, 0.0, 1.0)},
-        r"y does not fit a third-order model .* alpha = 1\.\d+ is outside \[0, 1\]",
+        r"y does not fit a third-order model .* alpha must be .* found 1\.\d+",
     ),
 }
 
@@ -157,14 +157,14 @@ def test_three_point_complains(name):
         three_point(**({"t": T, "y": FOURTH} | change))
 
 
-STILL = "y must end elsewhere than it begins: it starts at 2 and ends at 2"
+STILL = "y must change, found 2 at the start and 2 at the end"
 EARLY = {"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0}
 
 
 @pytest.mark.parametrize(
     ("rules", "change", "message"),
     [
-        ("all", {"y": FOURTH[:-1]}, r"y must be a number or an array as long as t \(4001\), found shape \(4000,\)"),
+        ("all", {"y": FOURTH[:-1]}, r"y must be a number or as long as t \(4001\), found shape \(4000,\)"),
         ("all", {"y": np.where(T == 20.0, np.nan, FOURTH)}, "y must be finite, found nan at index 2000"),
         ("all", {"t": T + 1.0}, "t must start at 0, found 1"),
         ("all", {"step": 0.0}, "step must not be 0"),
@@ -172,7 +172,7 @@ EARLY = {"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0}
         ("ramps", {"y": np.full(T.size, 2.0)}, STILL),
         ("tangent", {"span": 0.0}, "span must be above 0"),
         ("tangent", {"span": 50.0}, r"span must be shorter than the record \(40\), found 50"),
-        ("tangent", EARLY, "meets the level of rest at t = -.*, before the step"),
+        ("tangent", EARLY, "before the step, at t = -"),
         ("squares", {"rise": 0.0}, "rise must be above 0"),
         ("squares", {"rise": 1.0}, "rise must be below 1, found 1"),
         ("squares", {"t": np.arange(4.0), "y": np.arange(4.0)}, "y must have at least 5 samples, found 4"),
@@ -386,11 +386,11 @@ def settled(moved=0.0, first=0.04, top=1.0, count=40):
     ("options", "message"),
     [
         ({"moved": 0.0099}, None),
-        ({"moved": 0.0101}, "y has not settled: its mean still changes by 1 % of the whole change"),
+        ({"moved": 0.0101}, "y has not settled: .* it moves by 1 % of the whole change"),
         ({"first": 0.0499}, None),
-        ({"first": 0.0501}, r"y already moves at its beginning \(5\.01 % of the change in one sample\)"),
+        ({"first": 0.0501}, r"y already moves by 5\.01 %"),
         ({"top": 1.099}, None),
-        ({"top": 1.101}, r"y overshoots its final value by 10\.1 % of the change, and 10 % is allowed"),
+        ({"top": 1.101}, r"y overshoots by 10\.1 %, and 10 % is allowed"),
         ({"count": 30}, None),
         ({"count": 29}, "y must have at least 30 samples, found 29"),
     ],

@@ -16,7 +16,8 @@ import numpy as np
 
 import pidalab
 from paperledger import derive
-from pidalab.robustness.margins import max_difference
+from pidalab.robustness.axis import DIFFERENCE
+from pidalab.robustness.in_z import axis_of
 from pidalab.rules import classical
 
 FILE = Path(__file__).with_name("tables_of_others.toml")
@@ -124,7 +125,7 @@ def _plant(given: dict[str, Any] | None, gain: float) -> pidalab.Process | None:
         return None
     if "a" in given:
         states = control.ss(*(given[name] for name in "abcd"))
-        return pidalab.Process.from_control(gain * states)
+        return pidalab.Process.from_control(gain * control.tf(states))
     num, den = _polynomial(given["num"]), _polynomial(given["den"])
     return pidalab.Process(gain * given.get("gain", 1.0) * num, den, given.get("delay", 0.0))
 
@@ -182,7 +183,7 @@ def margins(plant: Any, controller: Any, table: Table) -> Answers:
         "disk_gain_db": 20 * math.log10(high),
         "disk_phase": math.degrees(2 * math.atan(a / 2)),
     }
-    return answers | ({"wdisk": max_difference(loop)[1]} if "wdisk" in table["printed"] else {})
+    return answers | ({"wdisk": axis_of(loop).peak(DIFFERENCE)[1]} if "wdisk" in table["printed"] else {})
 
 
 def crossovers(plant: Any, controller: Any, table: Table) -> Answers:
@@ -300,12 +301,6 @@ def simc(plant: Any, controller: Any, table: Table) -> Answers:
     return {"kc": found.kp * longer / found.ti, "tau_i": longer, "tau_d": shorter}
 
 
-def migo(plant: Any, controller: Any, table: Table) -> Answers:
-    """MIGO with M = 1.4."""
-    found = pidalab.rules.migo.tune(plant, table["kind"]).controller
-    return {"kp": found.kp, "ti": found.ti, "td": found.td}
-
-
 QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {
     one.__name__: one
     for one in (
@@ -318,6 +313,5 @@ QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {
         amigo_coefficients,
         padula_visioli,
         simc,
-        migo,
     )
 }

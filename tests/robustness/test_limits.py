@@ -4,11 +4,9 @@ import dataclasses
 import math
 
 import control
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from engine_errors import oracle, oracle_loop
-from matplotlib.lines import AxLine
 
 import pidalab
 from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
@@ -232,10 +230,10 @@ def test_smallest_filter_complains():
         (
             pidalab.Process([1.0], [1.0, -1.0], 1.0),
             2.0,
-            r"left of the imaginary axis, but for one at 0; found one at 1",
+            r"stable, but for one at 0; found one at 1",
         ),
         (UNIT, pidalab.PIDA(kp=0.4, ti=6.0), "found 2 at 0"),
-        (UNIT, -1.0, "positive residue, or no small gain stabilises; found -1"),
+        (UNIT, -1.0, "positive residue, found -1"),
         (pidalab.Process([1.0, 1.0], [1.0, 2.0], 1.0), 1.0, "must be strictly proper"),
     ],
     ids=["double", "unstable", "integral", "positive-feedback", "biproper"],
@@ -253,21 +251,6 @@ def test_short_filter():
     w = result.frequency + np.linspace(-20.0, 20.0, 400_001)
     assert result.margin == pytest.approx((1 + linear_part(loop)(1j * w).real).min(), rel=1e-6)
     assert result.margin < -20
-
-
-def test_plots_draw_the_curves_and_their_lines():
-    parts = {"a": linear_part(design(reset.PI).loop()), "b": linear_part(design(reset.PID).loop())}
-    w = np.logspace(-2, 2, 50)
-    figure, axes = plt.subplots(1, 2)
-    pidalab.plots.circle_locus(axes[0], parts, w)
-    pidalab.plots.popov_plot(axes[1], parts, w, {"a": 2.0})
-    for ax, y in ((axes[0], parts["a"](1j * w).imag), (axes[1], w * parts["a"](1j * w).imag)):
-        assert ax.lines[0].get_xdata() == pytest.approx(parts["a"](1j * w).real)
-        assert ax.lines[0].get_ydata() == pytest.approx(y)
-        assert ax.get_legend_handles_labels()[1] == ["a", "b"]
-    line = next(line for line in axes[1].lines if isinstance(line, AxLine))
-    assert (line.get_xy1(), line.get_xy2()) == ((-1.0, 0.0), (1.0, 1.0))  # slope 1/θ
-    plt.close(figure)
 
 
 def test_a_margin_within_the_tolerance_does_not_hold():

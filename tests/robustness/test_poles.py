@@ -162,7 +162,7 @@ def test_rightmost_poles_do_not_split_a_cluster(count):
 def test_rightmost_poles_too_far_left():
     """A filter of 20 dead times: what the dead time adds lies too far left."""
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=0, n=1, te=1000.0).loop()
-    with pytest.raises(ArithmeticError, match=r"count = 5: only . poles lie right of -20"):
+    with pytest.raises(ArithmeticError, match=r"count must be at most ., the poles right of -20"):
         pidalab.rightmost_poles(loop, count=5)
 
 

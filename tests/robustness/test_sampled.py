@@ -113,9 +113,9 @@ def test_turns_beyond_count_are_unstable():
 
 
 def test_refusals():
-    with pytest.raises(ValueError, match="answers within the sample"):
+    with pytest.raises(ValueError, match="plant must have a dead time"):
         margins(Loop(Process([1.0, 1.0], [1.0, 2.0]), PIDA(0.1, 1.0).discretise(0.1)))
-    with pytest.raises(ValueError, match="the dead time must be at most 1e\\+06 samples"):
+    with pytest.raises(ValueError, match="delay must be at most"):
         margins(Loop(fopdt(1.0, 1.0, 1e3), PIDA(1.0, 1.0).discretise(5e-4)))
     with pytest.raises(TypeError, match="is digital"):
         pidalab.gain_for_ms(Loop(lags(3), PIDA(1.0, 4.0).discretise(0.5)), 1.4)

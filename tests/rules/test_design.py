@@ -92,10 +92,10 @@ def test_choices(call, message):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda d: pidalab.margins(d), r"loop must be a pidalab\.Loop, found Design; pass its \.loop\(\)"),
-        (lambda d: pidalab.simulate(d, np.arange(3.0)), r"found Design; pass its \.loop\(\)"),
+        (lambda d: pidalab.margins(d), r"loop must be a pidalab\.Loop, found Design"),
+        (lambda d: pidalab.simulate(d, np.arange(3.0)), r"found Design"),
         (lambda d: pidalab.Loop(INTEGRATOR, d), r"controller must .* found Design; pass its \.controller"),
-        (lambda d: pidalab.margins(INTEGRATOR), "for a process alone use open_loop_step"),
+        (lambda d: pidalab.margins(INTEGRATOR), "found Process"),
         (
             lambda d: haalman.pid(REDUCED),
             r"found SecondOrderModel; pass its \.process",

@@ -103,7 +103,7 @@ def test_of_a_record_the_sign_of_the_integral_gain_counts_and_of_no_other():
     slow = pidalab.Process([2.7, 1.0], [6.3, 12.5, 6.7, 1.0], 1.66)
     integral, _, derivative = mo.tune(measured(slow, 6), 1, 2, 0.2).gains
     assert integral > 0 > derivative
-    with pytest.raises(ValueError, match=r"K_-1 = -0\.034\d*, whose sign is not that of the gain A_0 = 1\.9"):
+    with pytest.raises(ValueError, match=r"K_-1 = -0\.034\d* must have the sign of A_0 = 1\.9"):
         mo.tune(measured(pidalab.Process([1.9], [1.0, 0.1, 1.0], 0.2), 6), 1, 3, 0.2)
 
 
@@ -135,9 +135,7 @@ def test_uncertain_gains_are_told_and_refused():
         design = mo.tune(measured, 1, 1, 0.1)
         errors.append(design.gains - true)
         claimed.append(design.uncertainty)
-        with pytest.raises(
-            ValueError, match=r"the record does not support m = 3; it leaves K_-?. uncertain by .* %"
-        ):
+        with pytest.raises(ValueError, match=r"the record leaves K_-?. uncertain by .* % with m = 3"):
             mo.tune(measured, 3, 3, 0.1)
     spread, claim = np.sqrt(np.mean(np.square(errors), axis=0)), np.median(claimed, axis=0)
     assert np.all(spread < 2 * claim)
@@ -194,7 +192,7 @@ def dominant_delay():
     [
         (lambda: mo.tune(G1, 30, 31, 0.01), "m must be at most 16, found 30"),
         (lambda: mo.tune(G1, 2, 1, 0.1), "n must be a whole number, at least 2, found 1"),
-        (lambda: mo.tune(G1, 1, 1, 0.0), "filter_time must be above 0 for a filter of order 1"),
+        (lambda: mo.tune(G1, 1, 1, 0.0), "filter_time must be above 0"),
         (
             lambda: mo.tune([1.0, 4.0, 10.0, 20.0], 1, 1, 0.1),
             r"at least 2m \+ 4 = 6 areas for m = 1, found 4",
@@ -211,7 +209,7 @@ def dominant_delay():
         ),
         (
             lambda: mo.tune_for_filter_noise(G1, 0, 1, 10.0, TS),
-            "no filter time for noise_gain = 10 .* it is 0.",
+            "noise_gain = 10 gives no filter time",
         ),
     ],
 )

@@ -97,7 +97,7 @@ def test_names():
         find(None)
     with pytest.raises(ValueError, match="found ''"):
         find("")
-    with pytest.raises(ValueError, match="kind must be 'PID' for the rule 'imc', found 'PI'"):
+    with pytest.raises(ValueError, match="kind must be 'PID' for 'imc', found 'PI'"):
         RULES["imc"].tune(PLANT, "PI")
 
 

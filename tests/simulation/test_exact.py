@@ -195,7 +195,7 @@ def limited(low, high):
 def test_limits_are_respected_or_refused():
     free = simulate(limited(-math.inf, math.inf), TIME, setpoint=1.0)
     np.testing.assert_array_equal(simulate(limited(-1e-9, free.u.max() + 1e-9), TIME, setpoint=1.0).y, free.y)
-    with pytest.raises(ValueError, match=r"leaves the controller's limits \(-1, 0\.5\): u = 0\.5.* at t = "):
+    with pytest.raises(ValueError, match=r"the controller's limits \(-1, 0\.5\), found 0\.5.* at t = "):
         simulate(limited(-1.0, 0.5), TIME, setpoint=1.0)
     with pytest.raises(ValueError, match=r"limits \(-0\.2, 1\): u = -0\.2"):
         pidalab.simulate_ensemble(limited(-0.2, 1.0), TIME, np.zeros((2, TIME.size)), load=1.0)
@@ -319,7 +319,7 @@ def test_a_prefilter_as_fast_as_the_filter_of_the_controller_drives_it(time):
 def test_a_loop_that_remembers_too_many_dead_times_is_refused():
     """|L| = 0.999 at infinite frequency: three states and 1333 dead times fill the stack of 4000."""
     loop = Loop(Process([1.0, 2.0], [1.0, 1.0], 1.0), 0.999)
-    with pytest.raises(ValueError, match="can be followed over 1333 dead times and not over 2000; shorten t"):
+    with pytest.raises(ValueError, match=r"t must span at most 1333 dead times .* found 2000; shorten t"):
         simulate(loop, np.arange(2001.0), setpoint=1.0)
 
 
@@ -375,5 +375,5 @@ def test_a_first_horizon_within_the_dead_time_is_passed_over():
 
 def test_more_dead_times_than_can_be_followed_are_said_in_the_words_of_the_loop():
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 1e-9), pidalab.PIDA(kp=0.8, ti=1.0))
-    with pytest.raises(ValueError, match=r"the loop needs 20 to come to rest, 2e\+10 times the dead time"):
+    with pytest.raises(ValueError, match=r"the loop needs 2e\+10 dead times"):
         simulate_until_settled(pidalab.load_response, loop, 20.0)

@@ -186,29 +186,21 @@ def test_the_series_of_derivatives_carries_a_stack(engine, system, share):
 
 
 @pytest.mark.parametrize("run", [1, 2, 5, 8])
-@pytest.mark.parametrize("settled", [0, 3])
 @pytest.mark.parametrize("through", [False, True], ids=["apart", "through"])
-def test_what_outputs_read_at_times_in_succession(engine, system, run, settled, through):
+def test_what_outputs_read_at_times_in_succession(engine, system, run, through):
     """The rows of the outputs, times powers of the matrix of one step; the oldest ages are left out where they fade."""
     rng = np.random.default_rng(13)
     Cv, D = system[2:]
-    C, direct, late = (
-        rng.normal(size=(3, ORDER)),
-        through * rng.normal(size=(3, 2)),
-        rng.normal(size=(settled, ORDER)),
-    )
+    C, direct = rng.normal(size=(3, ORDER)), through * rng.normal(size=(3, 2))
     rungs = [engine.taylor(0.05, AGES, *system)]
     for _ in range(3):
         rungs.append(engine.product(rungs[-1], rungs[-1], AGES))
-    found = engine.output_rows(C, direct, Cv, D, late, AGES, run, [np.zeros((1, 1)), *rungs], 1)
-    outputs = 3 + (settled > 0)
-    row = np.zeros((outputs, AGES, ORDER))
-    row[:3, 0] = C
+    found = engine.output_rows(C, direct, Cv, D, AGES, run, [np.zeros((1, 1)), *rungs], 1)
+    row = np.zeros((3, AGES, ORDER))
+    row[:, 0] = C
     for age in range(1, AGES):
-        row[:3, age] = direct @ np.linalg.matrix_power(D, age - 1) @ Cv
-    if settled:
-        row[3, :settled] = late
-    row, step = row.reshape(outputs, -1), dense(rungs[0])
+        row[:, age] = direct @ np.linalg.matrix_power(D, age - 1) @ Cv
+    row, step = row.reshape(3, -1), dense(rungs[0])
     exact = np.concatenate(
         [row @ np.linalg.matrix_power(step, m) for m in range(run)]
     )  # (times and outputs, ages)
@@ -218,22 +210,20 @@ def test_what_outputs_read_at_times_in_succession(engine, system, run, settled, 
     np.testing.assert_allclose(youngest_first, exact[:, : kept * ORDER], rtol=1e-10, atol=1e-13 * scale)
     rest = exact[:, kept * ORDER :]
     assert not rest.size or np.abs(rest).max() <= 1e-20 * scale
-    of_each = np.abs(youngest_first).reshape(run, outputs, kept, ORDER).max(axis=(0, 3))
+    of_each = np.abs(youngest_first).reshape(run, 3, kept, ORDER).max(axis=(0, 3))
     assert kept == 1 or np.any(of_each[:, -1] > DROPPED * of_each.max(axis=1))
 
 
 def test_what_outputs_read_does_not_depend_on_their_units(engine, system):
     """y in units of 1e30 and u in units of 1e-30 read as many ages, by the same numbers."""
     rng = np.random.default_rng(23)
-    C, direct, late = rng.normal(size=(3, ORDER)), rng.normal(size=(3, 2)), rng.normal(size=(2, ORDER))
+    C, direct = rng.normal(size=(3, ORDER)), rng.normal(size=(3, 2))
     rungs = [engine.taylor(0.01, 40, *system)]
     rungs.append(engine.product(*rungs * 2, 40))
-    units = np.array([2.0**-100, 1.0, 2.0**100, 2.0**100])
+    units = np.array([2.0**-100, 1.0, 2.0**100])
     plain, other = (
-        engine.output_rows(
-            one[:3, None] * C, one[:3, None] * direct, *system[2:], one[3] * late, 40, 3, rungs, 0
-        )
-        for one in (np.ones(4), units)
+        engine.output_rows(unit[:, None] * C, unit[:, None] * direct, *system[2:], 40, 3, rungs, 0)
+        for unit in (np.ones(3), units)
     )
     assert 1 < plain.shape[0] // ORDER < 40
     np.testing.assert_array_equal(other, plain * np.tile(units, 3))
@@ -286,7 +276,7 @@ CUT = cut_at_delay(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.PIDA(0.5, 
     ("status", "numbers"),
     [
         (ladder.TOO_MANY, ("spans 4.2 dead times",)),
-        (ladder.TOO_DEEP, ("what happened 77 dead times ago", "over 1333 dead times and not over 4")),
+        (ladder.TOO_DEEP, ("at most 1000 dead times", "found 4;")),
         (ladder.TOO_LARGE, ("leaves the range of numbers",)),
     ],
 )
@@ -297,7 +287,7 @@ def test_what_cannot_be_followed_is_refused_with_its_numbers(monkeypatch, status
     with pytest.raises(ValueError) as refused:  # noqa: PT011  # its numbers follow
         ladder.responses(CUT, 8, 0.3, 4.0)
     for number in numbers:
-        assert number.replace("1333", "1000") in str(refused.value)
+        assert number in str(refused.value)
     assert isinstance(refused.value, ladder.ManyDeadTimes) is (status == ladder.TOO_MANY)
 
 
@@ -361,7 +351,7 @@ def test_what_is_remembered_is_followed_over_as_many_dead_times_as_allowed(monke
     for names in (vars(ladder), ladder._responses.__globals__):
         monkeypatch.setitem(names, "MAX_STACK", allowed * cut.x0.shape[0])
     np.testing.assert_array_equal(respond(allowed), without_limit)
-    with pytest.raises(ValueError, match=rf"over {allowed} dead times and not over {allowed + 1}; shorten t"):
+    with pytest.raises(ValueError, match=rf"at most {allowed} dead times .* found {allowed + 1}; shorten t"):
         respond(allowed + 1)
 
 

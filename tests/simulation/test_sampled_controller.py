@@ -200,14 +200,14 @@ def test_one_width_is_a_switch():
 @pytest.mark.parametrize(
     ("loop", "arguments", "error", "message"),
     [
-        (Loop(PLAIN.process, 0.5), {"anti_windup": "clamping"}, ValueError, "needs a controller with integral action"),
-        (Loop(PLAIN.process, PIDA(0.4, 0.5)), {"anti_windup": "conditioning"}, ValueError, "unstable unless kp/ki"),
-        (Loop(PLAIN.process, control.tf([1], [1, 0])), {"anti_windup": "conditioning"}, ValueError, "found ki = 1, kp"),
+        (Loop(PLAIN.process, 0.5), {"anti_windup": "clamping"}, ValueError, "needs one pole at 0"),
+        (Loop(PLAIN.process, PIDA(0.4, 0.5)), {"anti_windup": "conditioning"}, ValueError, "needs kp/ki"),
+        (Loop(PLAIN.process, control.tf([1], [1, 0])), {"anti_windup": "conditioning"}, ValueError, "ki = 1"),
         (RESET, {"limits": (2.0, 3.0)}, ValueError, r"found \(2\.0, 3\.0\) and \(-1\.0, 1\.0\) of the controller"),
         (PLAIN, {"quanta": 0.1}, TypeError, "quanta must be two numbers"),
         (PLAIN, {"quanta": (0.1, -0.1)}, ValueError, r"quanta\[1\] must be at least 0, found -0\.1"),
         (PLAIN, {"quanta": (math.nan, 0.0)}, ValueError, r"quanta\[0\] must be"),
-        (PLAIN, {"pulse_widths": 10}, ValueError, "pulse_widths needs finite limits"),
+        (PLAIN, {"pulse_widths": 10}, ValueError, "limits must be finite"),
         (PLAIN, {"pulse_widths": -1, **FINITE}, ValueError, "pulse_widths must be a whole number, at least 0"),
         (PLAIN, {"pulse_widths": 2, "quanta": (0.0, 0.1), **FINITE}, ValueError, r"quanta\[1\] must be 0, found 0\.1"),
         (PLAIN, {"pulse_widths": 2, "plant": Process([1, 2], [1, 1], 1.0), **FINITE}, ValueError, "linear plant"),

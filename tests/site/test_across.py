@@ -119,3 +119,14 @@ def test_the_first_page_follows_the_noise_that_is_allowed(site, visit):
     page.mouse.up()
     assert f"saves {saved[0]} %" in words.inner_text()
     assert wrong == []
+
+
+def test_numbers_in_coloured_cells_can_be_read_in_the_dark(site, visit):
+    drawn = [p for p in (site / "_images").glob("*-dark.svg") if 'id="as-drawn"' in p.read_text("utf-8")]
+    assert drawn
+    for path in drawn:
+        page, _ = visit(path.as_uri())
+        fills = (
+            "() => [...document.querySelectorAll('#as-drawn text')].map(text => getComputedStyle(text).fill)"
+        )
+        assert set(page.evaluate(fills)) == {"rgb(17, 17, 17)", "rgb(255, 255, 255)"}

@@ -1,7 +1,7 @@
-/* The judge of the book's tasks: what an answer is worth, by the loop that it makes.
+/* Judge the answers to the book's tasks by the loops that they make.
 
    judge(task, given) -> {right, say} or {refused, say}. A task is the data of its directive, `given` what was entered, as text
-   or numbers. There is no page in it: tests call it as the pages do.
+   or numbers. The script does not touch the page, so tests call it as pages do.
 
    kind    number (one number, which the page computes as well), design (numbers that make a loop, or a plant, within
            limits), choice (of options, with a reason), order (of items)
@@ -29,7 +29,7 @@
 
   // --- facts of a loop ----------------------------------------------------------------------------------------------
 
-  /* The plant of a task; what is a word in it is a field, what is a list a product. */
+  /* Return the plant of a task. A word in it is the name of a field, a list is a product. */
   function plantOf(plant, given) {
     if (typeof plant === "string") return PLANTS[plant];
     const value = (x) => (Array.isArray(x) ? x.map(value).reduce((a, b) => a * b) : typeof x === "string" ? given[x] : x);
@@ -47,14 +47,14 @@
 
   const area = (t, y) => t.reduce((sum, time, k) => (k ? sum + 0.5 * (time - t[k - 1]) * (y[k] + y[k - 1]) : 0), 0);
 
-  /* What is known of a loop by name, each found when it is first asked for. */
+  /* Return a function that computes facts of a loop by name, each once. */
   function loopFacts(plant, task, given) {
     const asked = { ...task.loop, ...given }, process = plantOf(plant, given), { end } = process, kept = new Map();
     const once = (name, make) => { if (!kept.has(name)) kept.set(name, make()); return kept.get(name); };
     const design = () => once("design", () => (asked.rule ? RULES[asked.rule].apply(process, { ...designOf(asked), kind: asked.kind }, asked.knob) : designOf(asked)));
     const own = () => once("own", () => controller(design()));
     const loop = () => once("loop", () => {
-      try { design(); } catch (error) { if (asked.rule) return { stable: false }; throw error; } // a rule that finds none
+      try { design(); } catch (error) { if (asked.rule) return { stable: false }; throw error; } // a rule that finds no design
       return asked.sampled ? sampledMargins({ process, controller: own(), sampleTime: asked.h, end }) : margins({ process, controller: own() });
     });
     const run = (step) => once(JSON.stringify(step), () => {
@@ -64,7 +64,7 @@
     const load = () => run({ load: 1 }), step = () => run({ setpoint: 1 });
     const found = {
       noise: () => relativeNoiseGain(process, design()),
-      // a record that ends cuts the area: what is left of the error itself counts
+      // a response that ends early lacks a part of the area, which is known from the integral gain
       iae: () => iae(load().t, load().y, 0) + Math.abs(Math.abs(1 / own().gains[0]) - Math.abs(found.ie())),
       ie: () => area(load().t, load().y),
       iaeSetpoint: () => iae(step().t, step().y, 1),
@@ -73,14 +73,14 @@
       kick: () => step().u[0],
       fall: () => { const { t, y } = load(), [from, to] = task.between.map((time) => t.findIndex((x) => x >= time - 1e-9)); return y[to] / y[from]; },
       saving: () => 1 - best(process, "PIDA", { ...task, ...given }) / best(process, "PID", { ...task, ...given }),
-      // how many times the least IAE of a PIDA on the plant, at a robust Ms and with loud noise allowed
+      // IAE over the least IAE of a PIDA with Ms 1.4 and a relative noise gain of 1.5
       loss: () => found.iae() / best(process, "PIDA", { ms: 1.4, noise: 1.5 }),
       gmLeast: () => loop().ms / (loop().ms - 1),
     };
     return (name) => (name in found ? once(name, found[name]) : loop()[name]);
   }
 
-  /* IAE of the best of a kind: a search, which takes a second. */
+  /* Return the least IAE of a kind, by a search that takes a second. */
   const best = (process, kind, { ms, noise }) => globalThis.pidalabOptimum.find(process, kind, { ms, noise }).iae;
 
   function factsOf(task, given) {
@@ -95,7 +95,7 @@
 
   // --- words --------------------------------------------------------------------------------------------------------
 
-  /* What a fact is called, and what its being too large or too small tells. */
+  /* The name of each fact, and what to say if it is too large or too small. */
   const WORDS = {
     ms: ["Ms", "too bold", "more robust than asked"],
     noise: ["relative noise gain", "too loud: a longer filter", "quieter than asked: a shorter filter"],
@@ -117,7 +117,7 @@
 
   const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
-  /* A sentence for each limit that is missed. */
+  /* Return a sentence for each violated limit. */
   function missed(task, facts) {
     const judged = (limits, side, keeps) => Object.entries(limits ?? {}).filter(([name, limit]) => !keeps(facts.of(name), limit)).map(([name, limit]) => {
       const own = side === 1 && task.words?.[name], margin = name.endsWith("ms") && side === 1 && facts.of(name.replace(/ms$/, "pm"));
@@ -130,7 +130,7 @@
 
   const close = (x, to, within) => Math.abs(x - to) <= within * Math.abs(to) + 1e-12;
 
-  /* What is behind a wrong answer, where the task knows it. */
+  /* Return the hint for a wrong answer that the task foresees. */
   function slipOf(task, given, facts) {
     const fits = ({ of, value, given: entered, when }) => {
       if (when) return Object.entries(when).every(([name, [low, high]]) => facts.of(name) >= (low ?? -Infinity) && facts.of(name) <= (high ?? Infinity));
@@ -160,7 +160,7 @@
       return { right: true, say: "Right." };
     }
     if (task.edge) {
-      const at = (share) => { // what is too wild to follow is not stable
+      const at = (share) => { // a loop that cannot be followed counts as unstable
         try { return factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0; } catch { return false; }
       };
       if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable by too much of it: with less it is stable." };
@@ -173,7 +173,7 @@
       const where = facts.names.length ? ` on ${shaky.join(" and ")}` : "";
       return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with ${task.fields.map((name) => CALMER[name]).filter(Boolean).join(", or ") || "another value"}.` };
     }
-    if (task.record) { // the one that the page supplies
+    if (task.record) { // the model of the supplied record
       const { like, sum, is, within } = task.record, total = sum.reduce((all, name) => all + given[name], 0);
       const meant = Object.entries(like).every(([name, x]) => close(given[name], x, 0.2)) && close(total, is, 0.4);
       if (meant && !close(total, is, within)) return { right: false, say: `On the supplied record lags and dead time add up to about ${digits(is, 2)}; yours add up to ${digits(total)}. Fit the model again.` };
@@ -184,7 +184,7 @@
     return { right: false, say: [...over, ...(slip ? [slip] : [])].join(" ") };
   }
 
-  /* A fact of each option or item, which has a loop, or a plant, of its own. */
+  /* Return a fact of each option or item; each has its own loop or plant. */
   const along = (task, items, fact) => items.map((item) => loopFacts(item.plant ?? task.plant, { ...task, loop: { ...task.loop, ...item.loop } }, {})(fact));
 
   function choice(task, given) {
@@ -212,7 +212,7 @@
 
   const ZERO_TOO = new Set(["td", "ta", "t2", "t3", "L", "sensor"]);
 
-  /* What was entered as numbers, or a sentence why not. */
+  /* Return the entered values as numbers, or a sentence that says what is wrong. */
   function entered(task, given) {
     const numbers = {};
     for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {

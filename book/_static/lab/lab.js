@@ -20,7 +20,7 @@
   const MOST = 5, PAST = 100, LARGEST_FILE = 5e7;
   const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
 
-  /* A colour and a dash for each design: that of its kind, or for another of the same kind the next free one. */
+  /* Return a colour and a dash for each design: that of its kind or, for a second one of a kind, the next free one. */
   function looksOf(kinds) {
     const taken = new Set();
     return kinds.map((kind) => {
@@ -30,7 +30,7 @@
     });
   }
 
-  // --- small parts of the page --------------------------------------------------------------------------------------
+  // --- controls -----------------------------------------------------------------------------------------------------
 
   const digits = (value, count = 3) =>
     Number.isFinite(value) ? String(Number(value.toPrecision(count))) : value === Infinity ? "∞" : "–";
@@ -90,36 +90,36 @@
 
   // --- the plots ----------------------------------------------------------------------------------------------------
 
-  /* The control signal has more times than the output where derivatives kick, and the output those between samples. */
+  /* The control signal has extra times where derivatives kick, and the output has times between samples. */
   const signals = (s, key, which) => (key === "u" ? s[which].fine : s[which].between) || s[which];
 
-  /* Range of a signal of all runs, from 0, in which an unstable loop does not squeeze the others. */
+  /* Return the range of a signal over all runs, 0 included. Unstable loops do not count, unless all are unstable. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
     for (const s of calm.length ? calm : shown) {
       for (const value of signals(s, key, which)[key]) {
-        if (value < low) low = Math.max(value, -50); // what is no number any more says nothing
+        if (value < low) low = Math.max(value, -50); // an unstable loop may exceed the range of numbers
         if (value > high) high = Math.min(value, 50);
       }
     }
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
 
-  /* A signal until the end of the axis, which the last point may pass. */
+  /* Return a signal up to the end of the axis; the last point may lie beyond. */
   function until(run, key, end) {
     const count = run.t.findIndex((time) => time >= end) + 1 || run.t.length;
     return { x: run.t.subarray(0, count), y: run[key].subarray(0, count) };
   }
 
-  /* A function of the curve, to the edge of the frame, which cuts it. */
+  /* Return a function of the curve, a little beyond the frame, which clips it. */
   function along(curve, [low, high], f) {
     const x = [], y = [];
     curve.w.forEach((w, k) => { if (w > 0.8 * low && w < 1.25 * high) { x.push(w); y.push(f(curve, k)); } });
     return { x, y };
   }
 
-  /* Draw what there is a place for: places is an object of elements by the name of the plot. */
+  /* Draw the plots that have a place; `places` holds elements by the name of the plot. */
   function drawPlots(places, process, shown, { ms, record, handles = {} }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
@@ -164,7 +164,7 @@
     }
   }
 
-  /* What a table may show of a design: a name, the number, and whether an unstable loop has it, too. */
+  /* Columns of tables: a name, the number of a design, and true if an unstable loop has this number. */
   const degrees = (radians) => (radians * 180) / Math.PI;
   const NUMBERS = {
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["Mks", (s) => s.mks],
@@ -177,22 +177,22 @@
 
   const OVER_FREQUENCY = ["nyquist", "bode", "closed", "lead", "noise"];
 
-  /* What is said in the place of margins. */
+  /* Return the words that replace the margins of an unstable loop. */
   const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
 
-  /* The head of a column; a formula may break at its fraction bar. */
+  /* Return the head of a column; a formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => [...(k ? [["wbr", {}]] : []), ...marked(part)])];
 
-  /* What noise the relative noise gains of a table are of: the same for all rows. */
+  /* Return the sentence on the noise of a table, which is the same for all rows. */
   function noiseMeant(shown, process) {
     const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " – stands where it is not defined." : "", { gain } = noiseScale(process);
     return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, over the ultimate gain ${digits(gain)}.${none}`;
   }
 
-  /* An unstable loop has no margins; what is said of its loop gain alone stands all the same. */
+  /* Return the columns that a loop has: an unstable loop has no margins, only numbers of its loop gain. */
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
-  /* The numbers of loops, with what is to be said below each. */
+  /* Draw the table of numbers; `below` gives a line of words under each row. */
   function drawTable(place, first, process, shown, keys, count, below) {
     const rows = (s) => {
       const found = known(s, keys), missing = keys.length - found.length, more = below?.(s);
@@ -208,8 +208,8 @@
     ...(keys.includes("sigma") ? [["p", {}, noiseMeant(shown, process)]] : []));
   }
 
-  const COLUMNS = ["iae", "iaeSetpoint", "ms", "sigma", "gm", "pm", "dm", "peak", "overshoot"]; // of the lab's table
-  const MARGINS = ["gm", "pm", "dm"]; // of them, shown if asked for
+  const COLUMNS = ["iae", "iaeSetpoint", "ms", "sigma", "gm", "pm", "dm", "peak", "overshoot"]; // columns of the lab's table
+  const MARGINS = ["gm", "pm", "dm"]; // columns that are shown on request
 
   // --- a state from outside: a link or a file -----------------------------------------------------------------------
 
@@ -234,7 +234,7 @@
     },
   };
 
-  /* Refuse what is unknown, or not what it must be. */
+  /* Raise an error for unknown fields and for wrong types or values. */
   function require(object, kind) {
     if (object === null || typeof object !== "object" || Array.isArray(object)) throw new RangeError(`its ${kind} must be an object`);
     for (const [key, value] of Object.entries(object)) {
@@ -244,7 +244,7 @@
     }
   }
 
-  /* A state from outside, if all of it can be shown. */
+  /* Return a state from outside after checking all its fields. */
   function checked(state) {
     require(state, "state");
     const { own, given, designs } = state;
@@ -255,12 +255,12 @@
     }
     if (designs !== undefined && !(Array.isArray(designs) && designs.length && designs.length <= MOST)) throw new RangeError(`its designs must be 1 to ${MOST}`);
     for (const design of designs ?? []) require(design, "design");
-    // what names no limits keeps its filters
+    // a link without limits keeps its own filters
     const searched = (designs ?? []).every((each) => [undefined, "hand", "optimum"].includes(each.rule));
     return { fair: searched, ...state };
   }
 
-  /* What of an object differs from another, with six digits. */
+  /* Return the fields of an object that differ from another, numbers with six digits. */
   const differing = (object, from) => Object.fromEntries(Object.entries(object).filter(([key, value]) => value !== from[key])
     .map(([key, value]) => [key, typeof value === "number" ? Number(value.toPrecision(6)) : value]));
 
@@ -275,7 +275,7 @@
   class Seeker {
     constructor(heard) { this.known = new Map(); this.wanted = new Map(); this.heard = heard; }
 
-    /* What was found, or null while the search runs. */
+    /* Return the result, or null while the search runs. */
     ask(process, kind, knobs) {
       const task = { process: { num: process.num, den: process.den, delay: process.delay }, kind, knobs }, key = JSON.stringify(task);
       if (!this.known.has(key)) { this.wanted.set(key, { key, ...task }); this.begin(); }
@@ -291,14 +291,14 @@
         this.worker.onmessage = ({ data: { key, found } }) => { this.busy = false; this.known.set(key, found); this.wanted.delete(key); this.heard(); this.begin(); };
       }
       this.busy = true;
-      this.worker.postMessage([...this.wanted.values()].pop()); // the last that was asked
+      this.worker.postMessage([...this.wanted.values()].pop()); // the latest request
     }
 
-    /* Forget the searches that are wanted no more. */
+    /* Forget searches that are no longer wanted. */
     clear() { this.wanted.clear(); }
   }
 
-  /* A word as a shell takes it, whatever is in it. */
+  /* Quote any text as one word of a shell. */
   const quoted = (word) => (/^[\w./-]+$/.test(word) ? word : `'${word.replaceAll("'", String.raw`'\''`)}'`);
 
   // --- one lab ------------------------------------------------------------------------------------------------------
@@ -321,7 +321,7 @@
       this.takeOver(this.host.dataset.state ? checked(JSON.parse(this.host.dataset.state)) : null);
     }
 
-    /* Take over what the address holds: what it leaves out is as in a page that was just opened. */
+    /* Take over the state in the address. Fields that it leaves out get their defaults. */
     hear() {
       this.heard = location.hash;
       let given = null;
@@ -337,7 +337,7 @@
       this.takeOver(given);
     }
 
-    /* Take over what is given of a state; a design without a rule is one by hand. */
+    /* Take over parts of a state. A design without a rule is one by hand. */
     takeOver(given) {
       if (!given) return;
       const designs = (given.designs ?? this.state.designs).map((each) => ({ ...DESIGN, ...(each.kind ? { filterOrder: ORDER[each.kind] + 1 } : {}), ...each }));
@@ -357,13 +357,13 @@
       return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, trackingTime, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
     }
 
-    /* A knob that all designs share if the comparison is fair. */
+    /* Return a setting; in a fair comparison all designs share it. */
     knob(key, design = this.design) { return this.state.fair ? this.state[key] : design[key] ?? this.state[key]; }
 
-    /* Whether gain and filter of a design follow from the Ms and the noise limit of all. */
+    /* Return true if gain and filter of a design follow from the common Ms and noise limit. */
     onTerms({ rule }) { return this.state.fair && RULES[rule] && !RULES[rule].slow && rule !== "hand"; }
 
-    /* What a rule makes at once. */
+    /* Return the design of a rule that needs no search. */
     byRule(design) {
       const rule = RULES[design.rule] ?? RULES.hand, knob = rule.knob && this.knob(rule.knob, design), { num, den, delay, end } = this.process;
       if (!this.onTerms(design)) return rule.apply(this.process, design, knob);
@@ -372,7 +372,7 @@
 
     setKnob(key, value) { if (this.state.fair) this.change({ [key]: value }); else this.edit({ [key]: value }); }
 
-    /* A design by its rule, or as it was, with a word why. */
+    /* Return a design by its rule, or the old design and a problem. */
     ruled(design, k) {
       const rule = RULES[design.rule] ?? RULES.hand, knob = rule.knob && this.knob(rule.knob, design);
       this.problems[k] = "";
@@ -384,13 +384,13 @@
         if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} descents ended here: there may be a better one`;
         return { ...design, ...found.design, pending: undefined };
       } catch (error) {
-        // a design that was never found is not shown; another one stays as it was
+        // a design that was never found is not shown; any other one keeps its gains
         this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule has its own gain; " : ""}${design.pending ? "there is no design" : "its gains are as before"}`;
         return design;
       }
     }
 
-    /* Change the state, apply the rules, draw. A "step" can be undone; what a search found belongs to the step before. */
+    /* Change the state, apply the rules, draw. A "step" can be undone; the result of a search belongs to the step before. */
     change(update, store = "step") {
       Object.assign(this.state, update);
       this.seeker.clear();
@@ -399,7 +399,7 @@
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
     }
 
-    /* Another plant; a rule that does not serve it gives way to the search, and that is said. */
+    /* Choose another plant. A rule that does not fit it is replaced by the search, with a message. */
     choosePlant(plant) {
       this.change({ plant, record: plant === "own" ? this.state.record : null });
       const words = [], names = this.names(), designs = this.state.designs.map((design, k) => {
@@ -418,7 +418,7 @@
 
     byHand(update) { this.edit({ pending: undefined, rule: this.design.rule === "gain" && !("kp" in update) ? "gain" : "hand", ...update }); }
 
-    /* The state as a link or a file holds it: what differs from a page that was just opened, and no record. */
+    /* Return the state for a link or a file: fields that differ from the defaults, without a record. */
     shared() {
       const { designs, record, given, plant, ...rest } = this.state, kept = ({ pending, ...design }) => differing(design, DESIGN);
       return {
@@ -466,7 +466,7 @@
         ownValue("dead time", "delay", 0, 10, false),
         tick({ label: "integrating", get: () => this.state.own.integrating, set: (x) => own({ integrating: x }) }));
 
-      // the words of a browser's own button are in its language, not in that of the page
+      // a browser labels its own file button in its own language
       const file = element("input", { type: "file", class: "lab-file", accept: ".csv,.txt,.json,text/csv,text/plain,application/json", id: "lab-file", onchange: () => this.take(file.files[0]) });
       this.host.addEventListener("lab-refused", ({ detail }) => this.say(detail));
       const drop = element("div", { class: "lab-drop" },
@@ -554,7 +554,7 @@
 
     pick({ num, den, delay }) { return { num, den, delay }; }
 
-    /* A press on a card chooses its design, on its cross takes it away. */
+    /* A press on a card chooses its design; a press on its cross removes it. */
     pressed(target) {
       const card = target.closest("[data-k]"), k = Number(card?.dataset.k), { designs, chosen } = this.state;
       if (!card) return;
@@ -612,7 +612,7 @@
       this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseGain, fair: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum", pending: true }], chosen: 0 });
     }
 
-    /* The same record, of other columns. */
+    /* Read the same record with other columns. */
     otherColumns() {
       const { text, name } = this.dropped, chosen = Array.from(this.columns.querySelectorAll("select"), (box) => Number(box.value));
       try { this.takeRecord(text, name, chosen); } catch (error) { this.say(`${name}: ${error.message}.`); }
@@ -628,14 +628,14 @@
       this.say(`${this.state.designs.length} designs read.`);
     }
 
-    /* All designs for other programs, and the state for this one. */
+    /* Return all designs for other programs, and the state for the lab. */
     exported() {
       const names = this.names();
       const designs = this.state.designs.map(({ kind, ...design }, k) => ({ name: names[k], kind, ...controller({ kind, ...design }) }));
       return { process: this.pick(this.process), designs, lab: this.shared() };
     }
 
-    /* Names that differ: a second one of a name has its number. */
+    /* Return unique names: the second design of a name gets a number. */
     names() {
       const plain = this.state.designs.map(({ name, kind }) => name || kind);
       return plain.map((name, k) => { const before = plain.slice(0, k).filter((other) => other === name).length; return before ? `${name} ${before + 1}` : name; });
@@ -660,7 +660,7 @@
         return `    ${JSON.stringify(names[k])}: (pidalab.HighOrderPID(${list(gains.slice(0, ORDER[design.kind] + 2))}, filter_time=${Number(filterTime)}, filter_order=${Number(filterOrder)}), ${limits}),\n`;
       });
       const filters = designs.map(controller).filter(({ filterOrder, filterTime }) => filterOrder && filterTime).map(({ filterTime }) => filterTime);
-      const samples = Math.ceil(Math.max(4000, (4 * end) / Math.min(...filters, Infinity))); // limits meet a controller that is sampled fast
+      const samples = Math.ceil(Math.max(4000, (4 * end) / Math.min(...filters, Infinity))); // with limits the library samples the controller, so the step must be short
       const time = sampled ? `${h} * np.arange(${Math.round(end / h) + 1})` : `np.linspace(0, ${digits(end)}, ${designs.some(({ limited }) => limited) ? samples + 1 : 2001})`;
       const loops = sampled
         ? `    loop = pidalab.Loop(process, controller.discretise(${h}, **limits))\n    load = pidalab.simulate_sampled(loop, t, load=1.0)\n`
@@ -713,7 +713,7 @@
       });
       this.refused = names.filter((_, k) => !shown.some((s) => s.k === k));
       this.current = shown.find(({ k }) => k === state.chosen);
-      // a rule that aims at Ms knows the continuous loop alone
+      // a rule that aims at Ms only considers the continuous loop
       if (state.sampled) for (const { k, ms, design: { rule } } of shown) {
         const asked = this.knob("ms", state.designs[k]);
         if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: sample faster, or ask for less`;
@@ -728,7 +728,7 @@
       this.announce();
     }
 
-    /* What is to be known of a design beside its numbers. */
+    /* Return the remarks on a design. */
     notesOf({ design, bears, stable, ms, sigma }) {
       const { fair, sampled, noiseGain, designs, own, plant, record } = this.state, said = [];
       if (!bears) said.push("The error never ends: a unit load needs u = −1, which is beyond these limits.");
@@ -752,7 +752,7 @@
       }));
     }
 
-    /* What was read of a record, and the command that goes on from it with the chosen design. */
+    /* Show what was read from a record, and the command that continues with the chosen design. */
     drawRecord() {
       const { about, file } = this.state.record ?? {}, ready = file && !this.refused.length;
       const noise = ready && noiseGainAt(this.process, this.design, file.h);
@@ -770,7 +770,7 @@
       drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles });
     }
 
-    /* Say the result in words and save it in the address, once the hand rests. */
+    /* Announce the result and save the state in the address, once no control moves. */
     announce() {
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];

@@ -1,4 +1,4 @@
-/* What the lab and the live figures share: plants, controllers in standard form, rules, and all numbers of a design.
+/* Model of the lab and the live figures: plants, controllers in standard form, rules, and all numbers of a design.
 
    A design is {kind, kp, ti, td, ta, filterTime, filterOrder}: kp (1 + 1/(ti s) + td s + ta s^2) / (1 + filterTime s)^filterOrder.
    It needs engine.js alone, and optimum.js for the rule of that name, and knows nothing of a page. */
@@ -27,7 +27,7 @@
     "inverse": { name: "the wrong way first: (1−s)/(s+1)³", num: [-1, 1], den: lags(3), delay: 0, end: 40 },
   };
 
-  /* A plant of one's own: gain, up to three lags or an oscillating pair and a lag, a zero, an integrator, a dead time. */
+  /* Return the user's plant: gain, up to three lags or an oscillating pair and a lag, a zero, an integrator, a dead time. */
   function ownPlant({ gain, t1, t2, t3, damping, zero, integrating, delay }) {
     const pair = damping < 1 ? [t1 * t1, 2 * damping * t1, 1] : multiply([t1, 1], [t2, 1]);
     let den = multiply(pair, [t3, 1]);
@@ -39,7 +39,7 @@
 
   const ORDER = { PI: 0, PID: 1, PIDA: 2 };
 
-  /* The design as the engine takes it. */
+  /* Return a design in the form that the engine takes. */
   function controller({ kind, kp, ti, td, ta, filterTime, filterOrder }, limits) {
     const order = ORDER[kind];
     return {
@@ -66,7 +66,7 @@
 
   // --- noise --------------------------------------------------------------------------------------------------------
 
-  const REMEMBERED = 20, NOISE_SAMPLES = 100; // of the noise in an ultimate period
+  const REMEMBERED = 20, NOISE_SAMPLES = 100; // samples of the noise in an ultimate period
   const integratorsOf = ({ den }) => den.length - 1 - den.findLastIndex((c) => c !== 0);
 
   /* Lowest frequency at which the phase of the plant, followed from rest, falls below -180 degrees, or null: see
@@ -107,7 +107,7 @@
     return time ? { sampleTime: time / NOISE_SAMPLES, gain: 1 / (Math.abs(gainOf(process)) * Math.pow(time, integratorsOf(process))) } : { sampleTime: NaN, gain: NaN };
   });
 
-  const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples, and share of the squares in their second half
+  const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples of an impulse response, and the share of its squares in the second half
 
   /* Standard deviation of u for white measurement noise of standard deviation 1 that is held for a sample: the root of the
      sum of squares of what one sample of it does. NaN where that does not fade. */
@@ -132,13 +132,13 @@
     return Number.isNaN(held) ? noiseGainOf(process, own, sampleTime, "backward") : held;
   }
 
-  /* The noise gain over the ultimate gain: one number for a controller on a plant, as pidalab.relative_noise_gain has it. */
+  /* Return the relative noise gain, as pidalab.relative_noise_gain does. */
   const relativeNoiseGain = remembering(REMEMBERED, ({ num, den, delay }, design) => {
     const process = { num, den, delay }, { sampleTime, gain } = noiseScale(process);
     return noiseGainAt(process, design, sampleTime) / gain;
   });
 
-  /* Whether a plant answers within the sample, by a direct path without dead time: noise that is held has no effort then. */
+  /* Return true if a plant has a direct path without dead time. The noise gain is then not defined. */
   function atOnce({ num, den, delay }) {
     const degree = (values) => values.length - values.findIndex(Boolean);
     return !delay && degree(num) === degree(den);
@@ -161,7 +161,7 @@
     return Math.max(delay, filterTime, ...speeds.map((speed) => 1 / speed));
   }
 
-  /* What one noisy sample does to the measurement, itself included: the impulse response of S. */
+  /* Return the response of the measurement to one noisy sample, itself included: the impulse response of S. */
   function pulseResponse(process, own, sampleTime, end) {
     const noise = new Float64Array(Math.round(end / sampleTime) + 1);
     noise[0] = 1;
@@ -184,7 +184,7 @@
       const [first, middle, last] = [0, 1, 2].map((k) => largest(s.slice(k * third, (k + 1) * third)));
       if (last < 0.1 * middle || last < 1e-6 * first) break;
       if (!(last < middle) && grew) return none;
-      grew = !(last < middle); // once it may be a beat
+      grew = !(last < middle); // a single rise may be a beat
       span *= 2;
     }
     const gain = (which, { re, im, control }, k) => (which ? control[k] : 1) / Math.hypot(1 + re[k], im[k]), { w } = curve;
@@ -212,7 +212,7 @@
     return { first: phase > 0 ? phase - 180 : phase + 180, hump };
   }
 
-  /* What a loop is, whatever steps, limits and noise it meets: margins, curves, the effort for noise. */
+  /* Return what does not depend on steps, limits and noise: margins, curves, the relative noise gain. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }, curve) : margins({ process, controller: own });
@@ -221,10 +221,10 @@
     return { ...found, noise: () => (noise ??= noiseOf()), beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve };
   });
 
-  const LEAST_OVERSHOOT = 5e-5; // what is less is rounding and the end of a slow rise
+  const LEAST_OVERSHOOT = 5e-5; // smaller values are rounding or the end of a slow rise
   const PER_PERIOD = 20, MOST_POINTS = 40000; // of a response, in an ultimate period and in all
 
-  /* At rest u is what the integral has gathered, so the area under y is known: refuse points that miss it. */
+  /* Refuse responses whose area under y is wrong. It is known from the integral gain, since at rest u is the integral. */
   function requireShown({ gains: [ki] }, { t, y, u }) {
     const area = y.reduce((sum, value, k) => (k ? sum + 0.5 * (t[k] - t[k - 1]) * (value + y[k - 1]) : 0), 0);
     if (Math.abs(u[u.length - 1] + 1) < 0.01 && Math.abs(ki * area - 1) > 0.05) throw new RangeError(`the time axis ends at ${t[t.length - 1]}, too long to show this loop, which is at rest between two of its points: take a shorter one`);
@@ -232,7 +232,7 @@
 
   const STEPS = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
 
-  /* How a design answers steps. A digital controller has differences for a sample time. */
+  /* Return the responses to steps. A digital controller uses backward differences. */
   const answers = remembering(REMEMBERED, ({ num, den, delay }, design, { end, points = 401, limits = null, antiWindup = "clamping", trackingTime, sampleTime = 0, noise = 0 }) => {
     const asked = { process: { num, den, delay }, controller: controller(design, limits), end, antiWindup, trackingTime };
     const between = sampleTime ? Math.min(Math.max(Math.ceil((1200 * sampleTime) / end), 1), 30) : 1; // points of a sample
@@ -244,7 +244,7 @@
     if (!sampleTime && !noise && !limits) requireShown(asked.controller, load);
     let top = 1;
     for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);
-    // at rest u is the load with the other sign: limits that it lies beyond leave an error for ever
+    // at rest u is minus the load; if that is beyond the limits, an error remains
     const bears = !limits || (limits[0] <= -1 && limits[1] >= -1);
     return {
       setpoint, load, stairs: sampleTime > 0, limited: limits !== null, bears,
@@ -252,7 +252,7 @@
     };
   });
 
-  /* Everything the lab shows of one design on one plant. What is looked at is never forgotten, whatever changes beside it.
+  /* Return everything that the lab shows of one design on one plant. Results in view stay stored while others change.
      The noise of a digital controller is sampled as it samples, that of others as the plant asks. */
   function study(process, design, conditions) {
     const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end);
@@ -260,7 +260,7 @@
     return { design, ...found, sigma, noiseTime: sampleTime || noiseScale(process).sampleTime, ...answers(process, design, conditions) };
   }
 
-  /* Noise that is the same at every call: an even spread between −size and size. */
+  /* Return noise that is uniform between −size and size, and the same at every call. */
   function uniform(size, count) {
     const noise = new Float64Array(count);
     for (let k = 0, state = 12345; k < count; k++) {
@@ -303,7 +303,7 @@
     let largest = null;
     for (const [gain, i] of starts) {
       let best = gain, from = w[Math.max(i - 1, 0)], to = w[Math.min(i + 1, w.length - 1)];
-      for (let round = 0; round < 3; round++) { // the same between its neighbours, closer each time
+      for (let round = 0; round < 3; round++) { // refine between the neighbours
         const fine = Array.from({ length: 41 }, (_, k) => from + ((to - from) * k) / 40), lows = between(fine).map((x) => (x ? x[0] : Infinity));
         const at = lows.indexOf(Math.min(...lows));
         best = Math.min(best, lows[at]);
@@ -311,13 +311,13 @@
         to = fine[Math.min(at + 1, 40)];
       }
       const found = margins({ process, controller: controller({ ...design, kp: sign * best * (1 - 1e-9) }) });
-      if (found.stable && found.ms < ms * 1.001) largest = sign * best * (1 - 1e-9); // whose margins are known now
+      if (found.stable && found.ms < ms * 1.001) largest = sign * best * (1 - 1e-9); // its margins are stored now
       else if (largest !== null) break;
     }
     return largest;
   }
 
-  /* Gain of a plant, of one that integrates the gain of the rest. */
+  /* Return the gain of a plant, without its integrator. */
   const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
 
   /* Lags of a plant, the slowest first, and whether it integrates; the rules below need them real and stable. */
@@ -412,13 +412,13 @@
 
   const UNSTABLE = ({ kind }) => `this plant has no magnitude optimum with a ${kind} controller that is stable`;
 
-  /* A design with the gain of its rule, if it is stable. */
+  /* Return a design with the gain of its rule, if the loop is stable. */
   function ifStable(process, made, words) {
     if (!margins({ process, controller: controller(made) }).stable) throw new RangeError(words);
     return made;
   }
 
-  /* Velocity gain and dead time of an integrator with dead time, which the next two rules are for. */
+  /* Return velocity gain and dead time of an integrator with dead time, for the next two rules. */
   function integratorOf({ num, den, delay }) {
     if (num.length !== 1 || den.length !== 2 || den[1] !== 0) throw new RangeError("this rule needs an integrator with dead time and nothing else");
     return { velocity: num[0] / den[0], delay };
@@ -439,7 +439,7 @@
 
   const SHORT = "this rule makes no stable loop with so short a filter: take a longer one";
 
-  /* A design of numbers c0, c1, ... for a dead time of 1 and a gain of 1. */
+  /* Return the design for the numbers c0, c1, ..., which hold for a dead time and a gain of 1. */
   const dimensioned = (design, velocity, delay, [c0, c1, c2 = 0, c3 = 0]) => ({ ...design, kp: c1 / (velocity * delay), ti: (c1 / c0) * delay, td: (c2 / c1) * delay, ta: (c3 / c1) * delay * delay });
 
   /* Multiple real dominant pole (huba2018): the filter stands for a dead time T_e, of eq. (11) and Table II. */
@@ -516,8 +516,8 @@
 
   // --- equal terms --------------------------------------------------------------------------------------------------
 
-  const LONGEST = 1 / 4, RUNGS = 24; // filter times, by the end of the time axis; the shortest is a sample of the noise
-  const MET = 2e-4, CLOSE = 0.05; // of the noise limit, in logarithms
+  const LONGEST = 1 / 4, RUNGS = 24; // filter times over the end of the time axis; the shortest is a sample of the noise
+  const MET = 2e-4, CLOSE = 0.05; // tolerances of the noise limit, in logarithms
 
   /* Largest gain of a shape with Ms, the upper end of the first gap, and the noise gain with it: quick, and
      within a few hundredths. Where the dead time turns too far from one frequency to the next every phase is taken to occur. */
@@ -541,7 +541,7 @@
     return { gain, noise: Math.sqrt(variance) };
   }
 
-  /* The highest place of a function with one, by golden section. */
+  /* Return the place of the maximum of a unimodal function, by golden section. */
   function highest(f, low, high, turns = 16) {
     const share = (Math.sqrt(5) - 1) / 2;
     let a = high - share * (high - low), b = low + share * (high - low), fa = f(a), fb = f(b);
@@ -561,12 +561,12 @@
     const shapeAt = (x) => shapeOf(process, { ...design, filterTime: Math.exp(x) }, knob);
     const w = Array.from({ length: 351 }, (_, k) => (0.1 / end) * Math.pow(10, k / 50));
     let refused = null;
-    /* The integral gain with a filter, or by how much it is too loud. */
+    /* Return the integral gain with a filter, or by how much the noise is too large. */
     const worth = (x) => {
       try {
         const shape = shapeAt(x), found = roughly(process, shape, ms, w, sampleTime), loud = Math.log(found.noise / (noise * gain));
         return loud > 0 ? -loud : found.gain / shape.ti;
-      } catch (error) { // some rules need another filter
+      } catch (error) { // some rules refuse this filter
         refused = error;
         return -Infinity;
       }
@@ -593,7 +593,7 @@
   const PLAIN = String.raw`(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:e[-+]?\d+)?`, SPACE = String.raw`\s*`;
   const TOKEN = new RegExp(`${SPACE}(?:(${PLAIN})|(pi|π|e(?![a-z])|exp|sqrt|ln|log10|[-+*/^()]|\\*\\*))`, "iy");
 
-  /* A number as people write it: 2.5, 2,5, 5/2, 1+2.5, 2^3, exp(-1), 1/e, 36.8 %, 8.4 dB. NaN for anything else. */
+  /* Read a number as people write it: 2.5, 2,5, 5/2, 1+2.5, 2^3, exp(-1), 1/e, 36.8 %, 8.4 dB. Return NaN for anything else. */
   function readNumber(entered) {
     if (typeof entered === "number") return entered;
     const text = String(entered ?? "").trim().replace(/[−–]/g, "-").replace(/[·×]/g, "*"), unit = /(%|dB)$/i.exec(text)?.[1];
@@ -633,7 +633,7 @@
   const PREFIX = "lab-";
   const write = (state) => PREFIX + btoa(String.fromCharCode(...new TextEncoder().encode(JSON.stringify(state)))).replace(/\+/g, "_").replace(/\//g, "-").replace(/=+$/, "");
 
-  /* The state in an address, or null where it holds none; older ones are percent-encoded. */
+  /* Return the state in an address, or null if it has none. Older addresses are percent-encoded. */
   function read(hash) {
     const text = hash.replace(/^#/, "");
     try {

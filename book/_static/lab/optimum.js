@@ -1,4 +1,4 @@
-/* The least IAE after a step of the load, for any plant, order, largest Ms and relative noise gain: found in the page.
+/* Search the controller with the least IAE after a step of the load, for any plant, order, Ms and relative noise gain.
 
    find(process, kind, {ms, noise}) -> {design, iae, ms, noise, ends, agree}. `ends` are the IAE of all descents by the least,
    `agree` how many ended there. Unknown are the logarithms of the gains and of the filter time, in units of the plant. The
@@ -21,7 +21,7 @@
   function transform(re, im) {
     const count = re.length, [cos, sin] = circleOf(count);
     const swap = (x, i, j) => { const kept = x[i]; x[i] = x[j]; x[j] = kept; };
-    for (let i = 1, j = 0; i < count; i++) { // to the order of the reversed bits
+    for (let i = 1, j = 0; i < count; i++) { // bit-reversed order
       let bit = count >> 1;
       for (; j & bit; bit >>= 1) j ^= bit;
       j ^= bit;

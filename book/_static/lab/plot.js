@@ -9,7 +9,7 @@
   "use strict";
   const WIDTH = 440, HEIGHT = 270, LEFT = 56, RIGHT = 10, TOP = 26, BOTTOM = 40;
 
-  /* What is wanted in a part of the page is a text, or [name, attributes, ...what is wanted inside]. */
+  /* Create a part of the page from its description: a text, or [name, attributes, ...descriptions of its children]. */
   function create(parent, wanted) {
     if (typeof wanted === "string") return document.createTextNode(wanted);
     const made = document.createElementNS(parent.namespaceURI, wanted[0]);
@@ -17,7 +17,8 @@
     return made;
   }
 
-  /* Make a part of the page what is wanted; only what differs from what it was is touched, and laid out again. */
+  /* Change a part of the page from one description to another. Only differences are touched, since each touched element is
+     laid out again. */
   function alter(part, [, attributes, ...wanted], [, known, ...before] = ["", {}]) {
     for (const key in attributes) if (attributes[key] !== known[key]) part.setAttribute(key, attributes[key]);
     for (const key in known) if (!(key in attributes)) part.removeAttribute(key);
@@ -31,16 +32,16 @@
     for (let k = wanted.length; k < before.length; k++) part.lastChild.remove();
   }
 
-  const shown = new WeakMap(); // of a place, what is in it
+  const shown = new WeakMap(); // the description of what a place shows
 
-  /* Show in a place what is wanted there. */
+  /* Show descriptions in a place. Nothing else may change the children of this place. */
   function show(place, ...inside) {
     const wanted = ["", {}, ...inside];
     alter(place, wanted, shown.get(place));
     shown.set(place, wanted);
   }
 
-  /* An element with attributes, or with a listener for what begins with "on". */
+  /* Create an element with attributes; names that begin with "on" add listeners. */
   function element(name, attributes = {}, ...children) {
     const made = document.createElement(name);
     for (const [key, value] of Object.entries(attributes)) {
@@ -52,13 +53,13 @@
     return made;
   }
 
-  /* A text in parts, its symbols set as in Notation: a letter and an index below the line, Ms as M with the index s. */
+  /* Split a text into parts with its symbols set as in Notation: Ms becomes M with the index s. */
   const SYMBOL = /\b(M(?:ks|s|t)|[kt][pida]|T[fst123])\b/;
   function marked(text, index = ["sub", {}]) {
     return text.split(SYMBOL).flatMap((part, k) => (k % 2 ? [part[0], [...index, part.slice(1)]] : part ? [part] : []));
   }
 
-  /* Smallest and largest finite value of all lines, with a little air. */
+  /* Return the smallest and the largest finite value of all lines, with a margin. */
   function extent(lines, key, log) {
     let low = Infinity, high = -Infinity;
     for (const line of lines) {
@@ -79,7 +80,7 @@
       const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
       const each = Math.max(1, Math.ceil((last - first + 1) / 6)), found = [];
       for (let power = first; power <= last; power += each) found.push(Math.pow(10, power));
-      // of a short axis one power of ten says little
+      // a short axis needs ticks between the powers of ten
       if (found.length < 3) for (let power = first - 1; power <= last; power++) for (const m of [2, 5]) found.push(m * Math.pow(10, power));
       return found.filter((x) => x >= low * (1 - 1e-9) && x <= high * (1 + 1e-9)).sort((a, b) => a - b);
     }
@@ -107,7 +108,8 @@
     return [Math.floor(low / step) * step, Math.ceil(high / step) * step];
   }
 
-  /* Points of a line that show: of a run of many within a unit of width the first, the lowest, the highest, the last. */
+  /* Return the points of a line that are visible: of many points within a unit of width the first, the lowest, the highest
+     and the last. */
   function visible(across, up) {
     const kept = [];
     for (let from = 0, to; from < across.length; from = to) {
@@ -126,7 +128,7 @@
 
   const place = ({ log, start, each }, value) => start + each * (log ? Math.log10(value) : value);
 
-  /* The path of a line. One that holds its values goes along before it goes up. */
+  /* Return the path of a line. With `stairs` it goes along before it goes up. */
   function path({ x, y, stairs }, px, py) {
     const limit = (value) => Math.max(-9999, Math.min(9999, value));
     let drawn = "", across = [], up = [];
@@ -150,7 +152,7 @@
     return drawn;
   }
 
-  const places = new WeakMap(); // what was drawn where
+  const places = new WeakMap(); // the plot that each place holds
 
   let count = 0;
 
@@ -182,7 +184,7 @@
     showFront(found);
   }
 
-  /* A line in words, for those who do not see it. */
+  /* Describe a line in words for screen readers. */
   function said({ name, x, y }) {
     const finite = y.filter(Number.isFinite);
     if (!finite.length) return "";
@@ -193,14 +195,14 @@
 
   const value = ({ log, start, each }, at) => (log ? Math.pow(10, (at - start) / each) : (at - start) / each);
 
-  /* Where a rising list passes a value. */
+  /* Return the first index at which a rising list reaches a value. */
   function passed(list, at) {
     let low = 0, high = list.length;
     while (low < high) { const middle = (low + high) >> 1; if (list[middle] < at) low = middle + 1; else high = middle; }
     return low;
   }
 
-  /* What lies before the lines: handles, the box of a zoom, and the values at a place. */
+  /* Draw what lies in front of the lines: handles, the box of a zoom, and the values at a place. */
   function showFront(found) {
     const { px, py, at, box, picture: { lines, notes = [], handles = [] } } = found, parts = [], words = [];
     for (const { x, y, words, anchor = "middle", below } of notes) parts.push(["text", { x: word(place(px, x)), y: word(place(py, y) + (below ? 24 : -9)), "text-anchor": anchor }, words]);
@@ -222,7 +224,7 @@
     show(found.front, ...parts);
   }
 
-  /* Show in a plot the values at a place, or none. */
+  /* Show the values at a place of a plot, or none. */
   function point(host, at) {
     const found = places.get(host);
     if (!found || found.at === at) return;
@@ -230,7 +232,7 @@
     showFront(found);
   }
 
-  /* Hear a pointer over a plot: a handle is dragged, a mouse draws a box to zoom, and what is passed over is followed. */
+  /* Handle the pointer over a plot: drag a handle, draw a box to zoom, or show values. */
   function hear(host, svg, found) {
     let held = null;
     const spot = (event) => { const { left, top, width } = svg.getBoundingClientRect(); return [((event.clientX - left) * WIDTH) / width, ((event.clientY - top) * WIDTH) / width]; };
@@ -268,7 +270,7 @@
     svg.addEventListener("dblclick", () => { found.zoom = null; draw(host, found.picture); });
   }
 
-  /* An empty plot: a group for its axes and one for its lines. */
+  /* Create an empty plot: a group for its axes and one for its lines. */
   function frame(host, title) {
     const clip = `pidalab-clip-${++count}`, box = { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
@@ -280,7 +282,7 @@
     return found;
   }
 
-  /* Title, grid and words of a plot. The lines of the grid are one path, its words follow in their order. */
+  /* Return title, grid and tick labels of a plot. The lines of the grid are one path. */
   function grid({ title, x, y, xRange, yRange, px, py }) {
     const below = ["tspan", { "baseline-shift": "sub", "font-size": "75%" }];
     const text = (x, y, name, anchor, words) => ["text", { x, y, class: name, "text-anchor": anchor }, ...marked(words, below)];

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeGuard
+from typing import Any
 from warnings import warn
 
 import numpy as np
@@ -37,26 +37,8 @@ class RecordWarning(UserWarning):
     """The record is too short, too noisy or does not suit the model."""
 
 
-class StepRecord(Protocol):
-    """Interface of a plant record for areas and step experiments; `pidalab.Record` implements it."""
-
-    @property
-    def step(self) -> Any:
-        """The change of the input, with `before` and `after`."""
-
-    @property
-    def noise(self) -> Any:
-        """Its standard deviation is `noise.deviation`."""
-
-    def uniform(self) -> tuple[Array, Array, Array]:
-        """Times, input and output on a uniform grid."""
-
-    def after_step(self) -> tuple[Array, Array]:
-        """Times and output as the response to a unit step from rest."""
-
-
-def is_record(given: Any) -> TypeGuard[StepRecord]:
-    """Return True for a record, which may be given in place of times."""
+def is_record(given: Any) -> bool:
+    """Return True for a plant record, such as `pidalab.Record`, which may be given in place of times."""
     return hasattr(given, "after_step")
 
 
@@ -100,7 +82,7 @@ class MeasuredAreas:
 
 
 def from_record(
-    t: ArrayLike | StepRecord,
+    t: ArrayLike | Any,
     u: ArrayLike | None = None,
     y: ArrayLike | None = None,
     count: int | None = None,
@@ -180,7 +162,7 @@ def from_record(
     t, u, y = _signals(t, u, y)
     count = _check.order("count", count, at_least=1)
     h = float(t[-1] / (t.size - 1))
-    first, (u0, y0), rest = _beginning(u, y, start)
+    first, (u0, y0), before = _beginning(u, y, start)
     last, settled = _end(t, u, y, first)
     u1, y1 = float(np.mean(u[last:])), float(np.mean(y[last:]))
     step = u1 - u0
@@ -193,7 +175,7 @@ def from_record(
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
     quotient = _over(a_u)
     values = quotient @ a_y
-    errors = _moment_covariance(values, weights, u[last:], y[last:], h, rest, _quantisation(y, y[last:]))
+    errors = _moment_covariance(values, weights, u[last:], y[last:], h, before, _quantisation(y, y[last:]))
     result = MeasuredAreas(
         values=values[:count],
         covariance=(quotient @ errors @ quotient.T / step**2)[:count, :count],
@@ -228,11 +210,9 @@ def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[i
         return 0, (_check.real("start[0]", u0), _check.real("start[1]", y0)), 0
     moved = np.flatnonzero(np.abs(u - u[0]) > 1e-9 * np.ptp(u))
     if not moved.size:
-        raise ValueError(
-            f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, say from where with start"
-        )
-    rest = int(moved[0])
-    return rest, (float(u[0]), float(np.mean(y[:rest]))), rest
+        raise ValueError(f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, give start")
+    before = int(moved[0])
+    return before, (float(u[0]), float(np.mean(y[:before]))), before
 
 
 def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
@@ -303,7 +283,7 @@ def _of_steps(x: Array, weights: Array) -> Array:
 
 
 def _moment_covariance(
-    values: Array, weights: Array, u: Array, y: Array, h: float, rest: int, unseen: float
+    values: Array, weights: Array, u: Array, y: Array, h: float, before: int, unseen: float
 ) -> Array:
     """Estimate the covariance of the moments of y from the steady state at the end.
 
@@ -314,7 +294,7 @@ def _moment_covariance(
     tail, per_drift = _tail(values, level, window)
     errors = np.zeros((size, size))
     errors[1:, 1:] = density * h * weights[: size - 1] @ weights[: size - 1].T
-    errors[0, 0] = density / (h * rest) if rest else 0.0
+    errors[0, 0] = density / (h * before) if before else 0.0
     for source in (
         level * math.sqrt(density / window),
         tail * (per_drift * (drift + ROUNDING * np.max(np.abs(y))) + unseen),
@@ -350,8 +330,8 @@ def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
     lag = min(max(lag, 1e-3 * window), 1e3 * window)
     average = lag / window * -math.expm1(-window / lag)
     drift = 4 * lag / window * -math.expm1(-window / (4 * lag)) - average
-    rest = np.convolve(level, lag ** np.arange(level.size))[: level.size] - level
-    return average * level + rest, 1 / drift
+    tail = np.convolve(level, lag ** np.arange(level.size))[: level.size] - level
+    return average * level + tail, 1 / drift
 
 
 def _over(a: Array) -> Array:
@@ -375,8 +355,8 @@ def _warn(areas: MeasuredAreas) -> None:
     if not areas.settled:
         cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
-        f"the record does not determine all {areas.values.size} areas ({cause}): it leaves {listed} uncertain, and "
-        f"only those before A_{bad[0]} better than by {100 * UNCERTAIN:g} %; a controller of order m needs 2m + 4",
+        f"the record leaves {listed} uncertain ({cause}); use only the areas before A_{bad[0]}, of which a controller "
+        "of order m needs 2m + 4",
         RecordWarning,
         stacklevel=3,
     )

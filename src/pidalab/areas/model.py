@@ -83,8 +83,8 @@ def exact(process: Process, count: int) -> list[Fraction]:
     """
     require_process("process", process)
     count = _check.order("count", count, at_least=1)
-    rest = _stable_series("process", process.num, process.den, count)
-    return series.product(rest, series.dead_time(process.delay, count))
+    rational_part = _stable_series("process", process.num, process.den, count)
+    return series.product(rational_part, series.dead_time(process.delay, count))
 
 
 def with_filter(areas: ArrayLike, block: Any) -> Array:
@@ -115,8 +115,8 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
     [1.0, 4.5, 12.25]
     """
     values = series.fractions(_check.vector("areas", areas))
-    own = _stable_series("block", *rational("block", block), len(values))
-    return series.floats(series.product(values, own))
+    filter_series = _stable_series("block", *rational("block", block), len(values))
+    return series.floats(series.product(values, filter_series))
 
 
 def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int) -> Array:

@@ -26,9 +26,7 @@ def floats(series: Sequence[Fraction]) -> Array:
     try:
         return np.array(series, dtype=float)
     except OverflowError:
-        raise ValueError(
-            "areas or gains overflow double precision; use a longer unit of time, or lower orders"
-        ) from None
+        raise ValueError("areas or gains overflow; use a longer unit of time, or lower orders") from None
 
 
 def product(first: Sequence[Fraction], second: Sequence[Fraction]) -> list[Fraction]:

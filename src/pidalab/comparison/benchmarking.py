@@ -68,7 +68,7 @@ def stored(name: str) -> pd.DataFrame:
 
 
 def judge(
-    rule: str, kind: str, make: Callable[[], Design], process: Process, own: NoiseScale
+    rule: str, kind: str, make: Callable[[], Design], process: Process, scale: NoiseScale
 ) -> Iterator[dict[str, Any]]:
     """Yield what a design is on a plant: as published, then at equal terms, loud noise first; in units of the plant.
 
@@ -88,31 +88,31 @@ def judge(
     dict
         A refusal is a row with its ``reason``.
     """
-    row = measure_row(rule, kind, make, process, own.sample_time, first_horizon(process))
+    row = measure_row(rule, kind, make, process, scale.sample_time, first_horizon(process))
     kind = kind or kind_of(row.design)
-    yield {"rule": rule, "kind": kind, "terms": "own", **in_units(row, own)}
+    yield {"rule": rule, "kind": kind, "terms": "own", **in_units(row, scale)}
     if row.design is not None:
-        for terms in at_all_terms(row.design, process, own):
+        for terms in at_all_terms(row.design, process, scale):
             yield {"rule": rule, "kind": kind, **terms}
 
 
-def in_units(row: DesignRow, own: NoiseScale) -> dict[str, Any]:
+def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
     """Return the measures in the units of the plant; those that are not known are left out."""
     if not row.applies:
         return {"reason": row.reason}
-    found = {
-        "iae_load": row.iae_load * own.gain / own.period,
-        "iae_setpoint": row.iae_setpoint / own.period,
+    measures = {
+        "iae_load": row.iae_load * scale.gain / scale.period,
+        "iae_setpoint": row.iae_setpoint / scale.period,
         "ms": row.ms,
-        "mks": row.mks / own.gain,
-        "noise_gain": row.noise_gain / own.gain,
+        "mks": row.mks / scale.gain,
+        "noise_gain": row.noise_gain / scale.gain,
         "tv": row.tv,
-        "delay_margin": row.delay_margin / own.period,
+        "delay_margin": row.delay_margin / scale.period,
     }
-    return {key: value for key, value in found.items() if not math.isnan(value)} | {"reason": row.reason}
+    return {key: value for key, value in measures.items() if not math.isnan(value)} | {"reason": row.reason}
 
 
-def at_all_terms(design: Design, process: Process, own: NoiseScale) -> list[dict[str, Any]]:
+def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[dict[str, Any]]:
     """Return the proportions of a design at the Ms and the noise of all others, the loud terms first."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
@@ -120,21 +120,21 @@ def at_all_terms(design: Design, process: Process, own: NoiseScale) -> list[dict
         if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
             rows.append(rows[-1] | {"terms": terms})
         else:
-            rows.append({"terms": terms} | at_terms(design, noise, process, own))
+            rows.append({"terms": terms} | at_terms(design, noise, process, scale))
     return rows
 
 
-def at_terms(design: Design, noise: float, process: Process, own: NoiseScale) -> dict[str, Any]:
+def at_terms(design: Design, noise: float, process: Process, scale: NoiseScale) -> dict[str, Any]:
     """Return a design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
     try:
-        made = at_equal_terms(design, process, EQUAL_MS, noise * own.gain, own.sample_time)
-        row = measure_row("", "", lambda: made, process, own.sample_time, first_horizon(process))
+        scaled = at_equal_terms(design, process, EQUAL_MS, noise * scale.gain, scale.sample_time)
+        row = measure_row("", "", lambda: scaled, process, scale.sample_time, first_horizon(process))
     except (ValueError, ArithmeticError) as refusal:
         return {"reason": one_line(refusal)}
-    known = in_units(row, own)
+    known = in_units(row, scale)
     known.pop("iae_setpoint", None)
-    time: float = made.controller.filter_time  # type: ignore[attr-defined]  # a HighOrderPID
-    return known | {"factor": made.factor, "filter_time": round(time / own.period, 12)}
+    time: float = scaled.controller.filter_time  # type: ignore[attr-defined]  # a HighOrderPID
+    return known | {"factor": scaled.factor, "filter_time": round(time / scale.period, 12)}
 
 
 def kind_of(design: Design | None) -> str:
@@ -217,8 +217,8 @@ class Benchmark:
         >>> len(found.refusals())
         0
         """
-        own = self.rows.query("terms == 'own'")
-        return own.loc[own["ms"].isna(), "reason"].value_counts()
+        published = self.rows.query("terms == 'own'")
+        return published.loc[published["ms"].isna(), "reason"].value_counts()
 
     def as_published(self) -> pd.DataFrame:
         """Return medians of what the rule is with its author's own settings, by kind.
@@ -307,7 +307,7 @@ class Benchmark:
         for (rule, kind), row in self.ranking(terms).iterrows():
             name = _escape(rule)
             cells = [rf"\textbf{{{name}}}" if rule == self.name else name, kind, f"{row['plants']:.0f}"]
-            lines.append(" & ".join([*cells, *(f"{row[one]:.2f}" for one in RANKED[1:])]) + r" \\")
+            lines.append(" & ".join([*cells, *(f"{row[column]:.2f}" for column in RANKED[1:])]) + r" \\")
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
@@ -364,10 +364,10 @@ def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
     )
     kinds = least.groupby(["plant", "terms", "kind"])["iae"].min().rename("least_of_kind").reset_index()
     best = least.groupby(["plant", "terms"])["iae"].min().rename("least").reset_index()
-    found = rows.merge(kinds, on=["plant", "terms", "kind"], how="left")
-    found = found.merge(best, on=["plant", "terms"], how="left")
-    iae = found["iae_load"]
-    return found.assign(of_kind=iae / found["least_of_kind"], of_best=iae / found["least"])
+    table = rows.merge(kinds, on=["plant", "terms", "kind"], how="left")
+    table = table.merge(best, on=["plant", "terms"], how="left")
+    iae = table["iae_load"]
+    return table.assign(of_kind=iae / table["least_of_kind"], of_best=iae / table["least"])
 
 
 def benchmark(
@@ -421,23 +421,25 @@ def benchmark(
     called = name or str(getattr(rule, "__name__", "rule"))
     cases = {case.name: case.process for case in batch()}
     wanted = list(cases) if plants is None else list(plants)
-    if unknown := [one for one in wanted if one not in cases]:
+    if unknown := [plant for plant in wanted if plant not in cases]:
         raise ValueError(f"plants must be names such as 'P2 T=1' and 'P4 n=4', found {unknown[0]!r}")
     require_executor(executor)
-    found = done(partial(_rows_of, rule, model), [(one, cases[one]) for one in wanted], executor, "plant")
-    return Benchmark(called, _with_least([row for rows in found for row in rows]))
+    judged = done(
+        partial(_rows_of, rule, model), [(plant, cases[plant]) for plant in wanted], executor, "plant"
+    )
+    return Benchmark(called, _with_least([row for rows in judged for row in rows]))
 
 
 def _rows_of(rule: Rule, model: str, case: tuple[str, Process]) -> list[dict[str, Any]]:
     name, process = case
 
     def make() -> Design:
-        made = rule(getattr(StartingModels(process), model))
-        if isinstance(made, Design):
-            return made
-        if isinstance(made, Controller):
-            return Design(process, made, source="a rule of the user")
-        raise TypeError(f"rule must return a controller or a Design, found {type(made).__name__}")
+        design = rule(getattr(StartingModels(process), model))
+        if isinstance(design, Design):
+            return design
+        if isinstance(design, Controller):
+            return Design(process, design, source="a rule of the user")
+        raise TypeError(f"rule must return a controller or a Design, found {type(design).__name__}")
 
     return [{"plant": name, **row} for row in judge("", "", make, process, noise_scale(process))]
 
@@ -454,4 +456,4 @@ def _with_least(rows: list[dict[str, Any]]) -> pd.DataFrame:
 
 def _escape(text: str) -> str:
     """Escape the special characters of LaTeX."""
-    return "".join(f"\\{one}" if one in "&%$#_{}" else one for one in text)
+    return "".join(f"\\{character}" if character in "&%$#_{}" else character for character in text)

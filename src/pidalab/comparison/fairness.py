@@ -13,8 +13,7 @@ from pidalab._check import Array
 from pidalab.controllers import Controller, HighOrderPID
 from pidalab.loop import Loop
 from pidalab.process import Process, require_process
-from pidalab.robustness.gain import gain_for_ms
-from pidalab.robustness.margins import max_sensitivity
+from pidalab.robustness.margins import gain_for_ms, max_sensitivity
 from pidalab.roots import border
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
@@ -83,9 +82,7 @@ def at_equal_terms(
         time = shortest * math.exp(log_time)
         factor = gain_for_ms(Loop(process, _filtered(gains, time)), limit)
         if factor < LEAST_SCALE:
-            raise ValueError(
-                f"Ms = {limit:g} leaves this design a factor of {factor:.2g} of its gains, below {LEAST_SCALE:g}"
-            )
+            raise ValueError(f"ms = {limit:g} needs gains times {factor:.2g}, below {LEAST_SCALE:g}")
         return noise_of(factor * gains, time), factor, _filtered(factor * gains, time)
 
     noise, factor, controller = _quiet_enough(scaled, most)
@@ -96,8 +93,8 @@ def at_equal_terms(
 
 def gains_of(controller: Controller) -> Array:
     """Return the gains from the integral upwards, without absent derivatives."""
-    own = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
-    gains = np.trim_zeros(np.array(own), "b")
+    values = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
+    gains = np.trim_zeros(np.array(values), "b")
     return np.append(gains, np.zeros(max(0, 2 - gains.size)))
 
 
@@ -128,8 +125,6 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
     while not quiet(high):
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
-            raise ValueError(
-                f"no filter time keeps noise_gain = {most:g} with the proportions of this design"
-            )
+            raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
     # by halves, and from above: the noise jumps where the gain does, from one range of allowed gains to another
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -136,8 +136,8 @@ def _measure_loop(
     from pidalab.simulation.exact import load_response, simulate_until_settled, step_response
 
     loop = design.loop(process)
-    found = margins(loop)
-    if not found.stable:
+    loop_margins = margins(loop)
+    if not loop_margins.stable:
         return DesignRow(rule, kind, reason="the loop with the process is unstable", design=design)
     load, setpoint = (
         simulate_until_settled(simulate, loop, horizon) for simulate in (load_response, step_response)
@@ -148,11 +148,11 @@ def _measure_loop(
         kind,
         iae_load=load.iae(horizon=math.inf),
         iae_setpoint=setpoint.iae(horizon=math.inf),
-        ms=found.ms,
+        ms=loop_margins.ms,
         mks=max_control_sensitivity(loop)[0],
         noise_gain=noise,
         tv=load.tv("u"),
-        delay_margin=found.dm,
+        delay_margin=loop_margins.dm,
         reason=reason,
         design=design,
         peak=abs(load.peak()),

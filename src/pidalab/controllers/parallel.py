@@ -35,9 +35,9 @@ def _fraction(kp: float, ti: float, parts: tuple[FilteredGains, ...]) -> Fractio
     if math.isfinite(ti):
         num, den = np.array([kp * ti, kp]), np.array([ti, 0.0])
     for part in parts[1:]:
-        own = binomial(part.filter_time, part.filter_order)
-        num = np.polyadd(np.convolve(num, own), np.convolve(part.gains[:0:-1], den))
-        den = np.convolve(den, own)
+        lags = binomial(part.filter_time, part.filter_order)
+        num = np.polyadd(np.convolve(num, lags), np.convolve(part.gains[:0:-1], den))
+        den = np.convolve(den, lags)
     return _check.polynomial("num", num), den
 
 
@@ -243,8 +243,7 @@ class HighOrderPID(Controller):
         time = _check.real("filter_time", filter_time, at_least=0.0)
         if bool(time) != bool(order):
             raise ValueError(
-                f"filter_time must be {f'above 0 for a filter of order {order}' if order else '0 without a filter'}, "
-                f"found {filter_time!r}"
+                f"filter_time must be above 0 with filter_order, and 0 without, found {filter_time!r}"
             )
         vars(self).update(coefficients=tuple(coefficients.tolist()), filter_time=time, filter_order=order)
 
@@ -268,9 +267,7 @@ class HighOrderPID(Controller):
         IdealGains(ki=0.5, kp=2.0, kd=0.0, ka=0.0)
         """
         if any(self.coefficients[4:]):
-            raise ValueError(
-                f"no PIDA form: the controller has derivatives up to order {len(self.coefficients) - 2}"
-            )
+            raise ValueError(f"no PIDA form: derivatives go up to order {len(self.coefficients) - 2}")
         return IdealGains(*(*self.coefficients, 0.0, 0.0)[:4])
 
     def named_gains(self) -> dict[str, float]:

@@ -230,8 +230,7 @@ class DigitalController(Parameters):
         alike = gains.keys() == self._program.gains.keys() and other.sample_time == self.sample_time
         if not (self.tunable and alike):
             raise ValueError(
-                "other must be a tunable controller of the same kind and sample time as this tunable one, found "
-                f"{other!r} for {self!r}"
+                f"other must be tunable, of the kind and sample time of {self!r}, found {other!r}"
             )
         vars(self._states).update(gains)
         self.__dict__["_retuned"] = True
@@ -290,8 +289,7 @@ class DigitalController(Parameters):
         further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
             raise ValueError(
-                f"feedforward must be 0 for a controller without it, found {feedforward!r}; "
-                "use discretise(..., feedforward=True)"
+                f"feedforward must be 0 unless discretised with feedforward=True, found {feedforward!r}"
             )
         further += [self.__dict__.pop("_retuned", False)] * self.tunable
         return self._run(self._states, r, y, *acts[0], *acts[1], *further)
@@ -465,11 +463,11 @@ class DigitalController(Parameters):
         return as_json(self, **head)
 
     def __repr__(self) -> str:
-        own = vars(self) | dict(zip("bc", self.weights, strict=True))
+        now = vars(self) | dict(zip("bc", self.weights, strict=True))
         usual = {"b": 1.0, "c": 1.0, "limits": (-math.inf, math.inf), "rate_limit": math.inf}
         usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
         usual |= {"prefilter": None, "feedforward": False, "tunable": False}
-        extras = "".join(f", {name}={own[name]!r}" for name, value in usual.items() if own[name] != value)
+        extras = "".join(f", {name}={now[name]!r}" for name, value in usual.items() if now[name] != value)
         # the source may come from a file: quote it unless it prints on one line
         source = self.source if self.source.isprintable() else repr(self.source)
         return f"{source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"

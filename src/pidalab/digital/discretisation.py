@@ -135,16 +135,12 @@ def discretise(
     method='backward', sample faster or filter longer
     """
     if not isinstance(parts, tuple) or not all(isinstance(part, FilteredGains) for part in parts):
-        raise TypeError(
-            f"parts must be a tuple of FilteredGains, as controller.parts() gives, found {parts!r}"
-        )
+        raise TypeError(f"parts must be those of controller.parts(), found {parts!r}")
     h = _check.real("sample_time", sample_time, above=0.0)
     _check.choice("method", method, METHODS)
     anti_windup = anti_windup_word(anti_windup, DISCRETE_ANTI_WINDUP, "for a digital controller")
     if tracking_time is not None and anti_windup != "back-calculation":
-        raise ValueError(
-            f"tracking_time is of anti_windup='back-calculation', found anti_windup={anti_windup!r}"
-        )
+        raise ValueError(f"tracking_time needs anti_windup='back-calculation', found {anti_windup!r}")
     b, c = _check.real("b", b), _check.real("c", c)
     _warn_of_long_samples(parts, h)
     behind = equal_lags(output_filter)
@@ -159,7 +155,7 @@ def discretise(
         chains = filter_chains(parts, behind, h, method, b, c)
         if not ki and not any(path.weight for path in chains):
             raise ValueError(
-                f"b must not be {b:g} with c = {c:g} without integral action: the set point would have no effect"
+                f"b = {b:g} with c = {c:g} leaves the set point no effect without integral action"
             )
         if tunable and not ki:
             raise ValueError("tunable must be False without integral action, which is what takes up a bump")
@@ -198,8 +194,7 @@ def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
     time = abs(above / below) if below else 0.0
     if 0.0 < time < h:
         warnings.warn(
-            f"sample_time should be at most {time:.6g}, the {what} of the controller, found {h:.6g}: the loop "
-            "cannot react between samples; sample faster, or check the unit of time",
+            f"sample_time should be at most the {what}, {time:.6g}, found {h:.6g}; check the unit of time",
             stacklevel=4,
         )
 
@@ -213,7 +208,7 @@ def equal_lags(output_filter: Any) -> tuple[float, int]:
     equal = num.size == 1 and (time > 0 or not order) and np.allclose(lags, den, rtol=1e-9, atol=0.0)
     if not equal or abs(num[0] / den[-1] - 1) > 1e-9:
         raise ValueError(
-            "output_filter must be equal lags of gain 1, 1/(T s + 1)^n, to become a part of a digital controller, "
+            "output_filter must be equal lags of gain 1, 1/(T s + 1)^n, "
             f"found [{', '.join(f'{c:.6g}' for c in num)}] / [{', '.join(f'{c:.6g}' for c in den)}]"
         )
     return time, order
@@ -240,8 +235,7 @@ def _back_calculation_gain(
             return 1.0  # integral action alone stays at the limit
         if kp / ki <= 0:
             raise ValueError(
-                f"anti_windup={way!r} goes by the integral time, which must be above 0, found kp/ki = {kp / ki:.4g}; "
-                "take 'clamping', or 'back-calculation' with a tracking_time"
+                f"anti_windup={way!r} needs kp/ki above 0, found {kp / ki:.4g}; take 'clamping' or a tracking_time"
             )
         derivative_time = kd / kp if way == "back-calculation" else 0.0
         time = math.sqrt(kp / ki * derivative_time) if derivative_time > 0 else kp / ki

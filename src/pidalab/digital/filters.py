@@ -130,16 +130,16 @@ def filter_chains(
     The weights of the set point are 1 in the integral, b in the error and c in the derivatives.
     """
     _require_useful("filter behind the controller", *behind, h, method)
-    found: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
+    summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
         _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
         # with the fastest lag first, all terms of the sums below have one sign
         lags = tuple(sorted([part.filter_time] * part.filter_order + [behind[0]] * behind[1]))
         for suffix, weight, gains in _by_weight(part, bool(lags), b, c):
-            name, before = found.get((weight, lags), (part.name + suffix, 0.0))
-            found[weight, lags] = name, before + _on_differences(gains, np.array(lags))
+            name, before = summed_gains.get((weight, lags), (part.name + suffix, 0.0))
+            summed_gains[weight, lags] = name, before + _on_differences(gains, np.array(lags))
     result = []
-    for (weight, lags), (name, summed) in found.items():
+    for (weight, lags), (name, summed) in summed_gains.items():
         if np.any(summed):
             shares = [_lag_shares(time, h, method) for time in lags]
             new, old = (tuple(share[i] for share in shares) for i in (0, 1))
@@ -179,14 +179,14 @@ def _by_weight(
     part: FilteredGains, filtered: bool, b: float, c: float
 ) -> list[tuple[str, float, tuple[float, ...]]]:
     """Split gains by their weight of the set point; return one entry if all weights are 1."""
-    ki, kp, *rest = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
+    ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
     # a filtered integral needs lags of its own, for the part of the input that it has not integrated yet
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
-        ("_derivative", c, (0.0, 0.0, *rest)),
+        ("_derivative", c, (0.0, 0.0, *derivatives)),
     ]
     return [
         (suffix if part.name in ("filtered", "stabiliser") else "", w, g) for suffix, w, g in split if any(g)
@@ -195,7 +195,7 @@ def _by_weight(
 
 def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
     """Return the gains on differences that equal given gains on powers of s, except for the pure integral K_-1/s."""
-    ki, *rest = gains
+    ki, *others = gains
     n = lags.size
     result = np.zeros(n + 1)
     # K_-1/(s prod (1 + T_i s)) is K_-1/s less K_-1 times the sum of T_i x_i; and x_i is (1 + difference)^(n - i) x_n
@@ -203,7 +203,7 @@ def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
         result[: n - i + 1] -= ki * time * np.array([math.comb(n - i, m) for m in range(n - i + 1)])
     # s x_i = (x_(i-1) - x_i)/T_i, with times in units of the first; rows: (T_1 s)^k x_i as differences that end at x_i
     level = np.eye(1, n + 1).repeat(n + 1, axis=0)
-    for k, gain in enumerate(rest):
+    for k, gain in enumerate(others):
         if gain:
             result += gain / (lags[0] ** k if n else 1.0) * level[-1]
         before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))  # that end at x_(i-1) end at x_i
@@ -238,8 +238,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     fastest = rates.max(axis=-1)[..., None]
     # generator of input and states; with its diagonal shifted to 0 or above, the series has no cancellation
     shifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
-    own, after = np.arange(n + 1), np.arange(1, n + 1)
-    shifted[..., own, own] = fastest - np.insert(rates, 0, 0.0, axis=-1)
+    diagonal, after = np.arange(n + 1), np.arange(1, n + 1)
+    shifted[..., diagonal, diagonal] = fastest - np.insert(rates, 0, 0.0, axis=-1)
     shifted[..., after, after - 1] = rates
     transition = term = np.broadcast_to(np.eye(n + 1), shifted.shape)
     for k in range(1, SERIES_TERMS):
@@ -251,9 +251,9 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
         # the other poles less that of a faster lag are not negative
-        rest = np.tril(transition[..., 1:, 1:], -1)
-        rest[..., own[:n], own[:n]] = -poles * np.expm1(rates - rates[..., i, None])
-        column = (rest @ to_states[..., 1:, i + 1, None])[..., 0]
+        slower = np.tril(transition[..., 1:, 1:], -1)
+        slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
+        column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]
     # convert the gains: on states of the chain, on states of discrete lags, on differences of these
     on_states = np.zeros(gains.shape)
     for m in range(n + 1):
@@ -314,8 +314,7 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
     n = den.size - 1
     if den[-1] == 0 or abs(num[-1] / den[-1] - 1) > UNIT:
         raise ValueError(
-            "prefilter must have the static gain 1, or the output would rest beside the set point, found "
-            f"{num[-1] / den[-1] if den[-1] else np.inf:.10g}"
+            f"prefilter must have the static gain 1, found {num[-1] / den[-1] if den[-1] else np.inf:.10g}"
         )
     if not n:
         return None
@@ -325,9 +324,8 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
     fastest = float(np.abs(poles).max())
     if method == "tustin" and h * fastest > 2.0 * (1 + 1e-9):
         raise ValueError(
-            f"sample_time must be at most {2 / fastest:.6g} with method='tustin', found {h:.6g}: the prefilter has the "
-            f"time constant {1 / fastest:.6g}, and would ring, with a pole at z below 0; take method='backward' or "
-            "sample faster"
+            f"sample_time must be at most {2 / fastest:.6g} with method='tustin', found {h:.6g}: the prefilter would "
+            "ring; take method='backward' or sample faster"
         )
     tau = float((den[0] / den[-1]) ** (1 / n))
     d, out = (_in_powers_of_p(part / part[-1], tau, n) for part in (den, num))
@@ -340,13 +338,10 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
         move = expm(np.block([[A, A], [np.zeros((n, 2 * n))]]))[:n, n:]
     else:
         move = np.linalg.solve(np.eye(n) - A * METHOD_WEIGHTS[method][0], A)
-    return prefilter_of_arrays(num, den, *METHOD_WEIGHTS[method], move, out[:-1] - out[-1] * d[:-1] / d[-1])
-
-
-def prefilter_of_arrays(num: Array, den: Array, new: float, old: float, move: Array, out: Array) -> Prefilter:
-    """Return a prefilter with tuples of floats for arrays."""
-    fraction, rows = (tuple(num.tolist()), tuple(den.tolist())), tuple(map(tuple, move.tolist()))
-    return Prefilter(*fraction, new, old, rows, tuple(out.tolist()))
+    rows, out = tuple(map(tuple, move.tolist())), out[:-1] - out[-1] * d[:-1] / d[-1]
+    return Prefilter(
+        tuple(num.tolist()), tuple(den.tolist()), *METHOD_WEIGHTS[method], rows, tuple(out.tolist())
+    )
 
 
 def _in_powers_of_p(polynomial: Array, tau: float, n: int) -> Array:

@@ -65,18 +65,18 @@ def statements(program: Program, has: Language, name: str, indent: str, notes: b
     note, assign, choice, otherwise, end = has.statements
 
     def renamed(expression: str) -> str:
-        return TOKEN.sub(lambda found: token(found[0]), expression)
+        return TOKEN.sub(lambda name_or_number: token(name_or_number[0]), expression)
 
-    def token(found: str) -> str:
-        if found in has.words:
-            return has.words[found]
-        if found[0].isdigit():
+    def token(name_or_number: str) -> str:
+        if name_or_number in has.words:
+            return has.words[name_or_number]
+        if name_or_number[0].isdigit():
             form = has.literal
-        elif found in program.states:
+        elif name_or_number in program.states:
             form = has.state
         else:
-            form = has.constant if found.isupper() else "{0}"
-        return form.format(found, name=name, upper=name.upper())
+            form = has.constant if name_or_number.isupper() else "{0}"
+        return form.format(name_or_number, name=name, upper=name.upper())
 
     def printed(body: Sequence[Statement], indent: str) -> Iterable[str]:
         for statement in body:

@@ -108,20 +108,20 @@ def targets(body: Sequence[Statement]) -> Iterator[str]:
 
 def constants(k: Parameters) -> dict[str, float]:
     """Return the constants that a controller needs, by name."""
-    found: dict[str, float] = {} if k.prefilter is None else _prefilter_constants(k.prefilter)
+    named: dict[str, float] = {} if k.prefilter is None else _prefilter_constants(k.prefilter)
     for i, path in enumerate(k.paths):
-        found |= _path_constants(path, i)
+        named |= _path_constants(path, i)
     if k.integrates:
-        found |= {f"INTEGRAL_{x}": value for x, value in zip(("NEW", "OLD"), k.growth, strict=True) if value}
+        named |= {f"INTEGRAL_{x}": value for x, value in zip(("NEW", "OLD"), k.growth, strict=True) if value}
         taken_back = k.back_calculation_gain if k.limited else 0.0
-        found |= {"BACK_CALCULATION_GAIN": taken_back} if taken_back else {}
-        found |= {"TRACKING_GAIN": k.tracking_gain}
+        named |= {"BACK_CALCULATION_GAIN": taken_back} if taken_back else {}
+        named |= {"TRACKING_GAIN": k.tracking_gain}
     others = {"BIAS": k.bias, "Y_OFFSET": k.y_offset, "DEADBAND": k.deadband}
-    found |= {name: value for name, value in others.items() if value}
+    named |= {name: value for name, value in others.items() if value}
     ends = {"LOWEST": k.limits[0], "HIGHEST": k.limits[1], "LARGEST_CHANGE": k.rate_limit * k.sample_time}
-    found |= {name: value for name, value in ends.items() if math.isfinite(value)}
-    found |= {"LARGEST_SIGNAL": LARGEST_SIGNAL}
-    return found | ({"LARGEST_GAIN": LARGEST_PARAMETER} if k.tunable else {})
+    named |= {name: value for name, value in ends.items() if math.isfinite(value)}
+    named |= {"LARGEST_SIGNAL": LARGEST_SIGNAL}
+    return named | ({"LARGEST_GAIN": LARGEST_PARAMETER} if k.tunable else {})
 
 
 @lru_cache(maxsize=64)
@@ -130,12 +130,12 @@ def program(k: Parameters, block: bool = False) -> Program:
 
     The result is cached and shared: do not change it.
     """
-    found = constants(k)
-    gains = {name: x for name, x in found.items() if k.tunable and not FIXED.fullmatch(name)}
+    named = constants(k)
+    gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}
     asked = (k.feedforward, k.tunable)
     inputs = INPUTS | {name: MORE[name] for name, has in zip(MORE, asked, strict=True) if has}
     states: dict[str, float | bool] = {"started": False, "fault": False, "at_limit": False}
-    offset = " - Y_OFFSET" if "Y_OFFSET" in found else ""
+    offset = " - Y_OFFSET" if "Y_OFFSET" in named else ""
     body: list[Statement] = [
         Note("inputs" + (", relative to the working point" if offset else "")),
         Set("target", f"setpoint{offset}"),
@@ -143,28 +143,28 @@ def program(k: Parameters, block: bool = False) -> Program:
     ]
     if k.prefilter is not None:
         states |= dict.fromkeys(_prefilter_states(k.prefilter), 0.0)
-        body += _prefilter_statements(k.prefilter, found)
-    body += _error(found, compares=k.integrates and not k.from_signal)
+        body += _prefilter_statements(k.prefilter, named)
+    body += _error(named, compares=k.integrates and not k.from_signal)
     for i, path in enumerate(k.paths):
         states |= dict.fromkeys(_path_states(path, i), 0.0)
-        body += _path_statements(path, i, found)
+        body += _path_statements(path, i, named)
     body += [] if k.paths or block else [Set("summed", "0.0")]
-    found |= {"feedforward": 0.0} if k.feedforward else {}  # an input that is added as the bias is
-    body += _tracking(k, found)
+    named |= {"feedforward": 0.0} if k.feedforward else {}  # an input that is added as the bias is
+    body += _tracking(k, named)
     if k.integrates:
         states |= {"follow": False, "integral_part": 0.0, "carry": 0.0}
         states |= {"old": 0.0} if _remembers(k) else {}
-        body += _with_integral(k, found)
+        body += _with_integral(k, named)
     else:
         body += [
             Note("manual or automatic mode"),
-            If("manual", [Set("wanted", "manual_value")], [_wanted(found)]),
+            If("manual", [Set("wanted", "manual_value")], [_wanted(named)]),
         ]
-        body += _limited(found)
+        body += _limited(named)
     body += [*_at_limit(k), Set("control", "limited"), Set("started", "true")]
-    checks, skipped = _checks(inputs, gains), _skipped(k, found)
+    checks, skipped = _checks(inputs, gains), _skipped(k, named)
     names = sorted({*targets([*checks, *skipped, *body])} - {*states, "control"})
-    fixed = {name: x for name, x in found.items() if name not in gains and name not in inputs}
+    fixed = {name: x for name, x in named.items() if name not in gains and name not in inputs}
     variables = {name: "bool" if name in BOOLEANS else "real" for name in names}
     return Program(
         fixed, gains, inputs, {**states, **gains, "control": k.bias}, variables, checks, skipped, body
@@ -193,11 +193,11 @@ def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
     ]
 
 
-def _skipped(k: Parameters, found: dict[str, float]) -> list[Statement]:
+def _skipped(k: Parameters, named: dict[str, float]) -> list[Statement]:
     """Return the statements for a skipped sample: the signal holds, unless an operator sets it."""
     # the next good sample continues from the present signal, as after manual mode
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
-    limited = [*_limited(found), *_at_limit(k), Set("control", "limited")]
+    limited = [*_limited(named), *_at_limit(k), Set("control", "limited")]
     body: list[Statement] = [
         Note("manual mode works in a skipped sample, too"),
         If("by_hand", [Set("wanted", "manual_value"), *limited, *later]),
@@ -205,10 +205,10 @@ def _skipped(k: Parameters, found: dict[str, float]) -> list[Statement]:
     return body + ([If("retuned", later)] if k.tunable else [])
 
 
-def _error(found: dict[str, float], compares: bool) -> list[Statement]:
+def _error(named: dict[str, float], compares: bool) -> list[Statement]:
     """Return the statements for the error with its deadband, if anything needs it."""
-    body: list[Statement] = [Set("error", "target - measured")] * (compares or "DEADBAND" in found)
-    if "DEADBAND" in found:
+    body: list[Statement] = [Set("error", "target - measured")] * (compares or "DEADBAND" in named)
+    if "DEADBAND" in named:
         inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
         body += [
             Note("deadband: a smaller error counts as zero, a larger one from the edge of the band"),
@@ -218,29 +218,29 @@ def _error(found: dict[str, float], compares: bool) -> list[Statement]:
     return body
 
 
-def _tracking(k: Parameters, found: dict[str, float]) -> list[Statement]:
+def _tracking(k: Parameters, named: dict[str, float]) -> list[Statement]:
     """Return the statements for a signal that acted in place of the control signal."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))
     if k.from_signal and _remembers(k):
-        inside.append(Set("old", f"track_value{_less_bias(found)} - integral_part"))
+        inside.append(Set("old", f"track_value{_less_bias(named)} - integral_part"))
     return [
         Note("the signal that acted since the last sample in place of the control signal"),
         If("tracking", [*inside, Set("control", "track_value")]),
     ]
 
 
-def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
+def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     """Return the statements for modes, integral, limits and anti-windup."""
     source = "summed" if k.from_signal else "error"
     shares = (("INTEGRAL_NEW", source), ("INTEGRAL_OLD", "old"))
-    growth = " + ".join(f"{name} * {signal}" for name, signal in shares if name in found)
+    growth = " + ".join(f"{name} * {signal}" for name, signal in shares if name in named)
     forced = [
         If("manual", [Set("wanted", "manual_value")], [Set("wanted", "control")]),
-        *_limited(found),
+        *_limited(named),
         Note("the integral tracks the signal, for a return without a bump"),
-        Set("integral_part", f"limited{_less_bias(found)} - summed"),
+        Set("integral_part", f"limited{_less_bias(named)} - summed"),
         Set("carry", "0.0"),
         Set("follow", "false"),
     ]
@@ -249,9 +249,9 @@ def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
         Set("growth", growth),
         Set("added", "growth + carry"),
         Set("grown", "integral_part + added"),
-        _wanted(found, "grown"),
-        *_limited(found),
-        *_kept(k, found),
+        _wanted(named, "grown"),
+        *_limited(named),
+        *_kept(k, named),
     ]
     begins = f"manual mode, first sample, {'new gains, ' * k.tunable}first sample after a skipped one: keep the signal"
     body: list[Statement] = [
@@ -262,17 +262,17 @@ def _with_integral(k: Parameters, found: dict[str, float]) -> list[Statement]:
         If("forced", forced, automatic),
     ]
     if _remembers(k):
-        body.append(Set("old", f"limited{_less_bias(found)} - integral_part" if k.from_signal else "error"))
+        body.append(Set("old", f"limited{_less_bias(named)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
         # the error of this sample is added in the next one: clamp it, too
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
 
-def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
+def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
     """Return the statements that update the integral, anti-windup included."""
     keep: list[Statement] = [Set("carry", "added - (grown - integral_part)"), Set("integral_part", "grown")]
-    if "BACK_CALCULATION_GAIN" in found:
+    if "BACK_CALCULATION_GAIN" in named:
         correction = [
             Set("added", "BACK_CALCULATION_GAIN * (limited - wanted) + carry"),
             Set("integral_part", "grown + added"),
@@ -286,9 +286,9 @@ def _kept(k: Parameters, found: dict[str, float]) -> list[Statement]:
         return keep
     # an increment beyond the remaining room takes that room; if the integral rested instead, it could lock up
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
-    again = [_wanted(found, "integral_part"), *_limited(found)]
+    again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [
-        Set("room", f"limited - ({_wanted(found, 'integral_part').value})"),
+        Set("room", f"limited - ({_wanted(named, 'integral_part').value})"),
         If("room * growth > 0.0", grown_less, again),
     ]
     return [
@@ -302,17 +302,17 @@ def _remembers(k: Parameters) -> bool:
     return k.growth[1] != 0.0
 
 
-def _less_bias(found: dict[str, float]) -> str:
-    return "".join(f" - {name}" for name in ("BIAS", "feedforward") if name in found)
+def _less_bias(named: dict[str, float]) -> str:
+    return "".join(f" - {name}" for name in ("BIAS", "feedforward") if name in named)
 
 
-def _wanted(found: dict[str, float], integral: str = "") -> Set:
+def _wanted(named: dict[str, float], integral: str = "") -> Set:
     """Return the statement for the control signal before the limits."""
-    first = "".join(f"{name} + " for name in ("BIAS", "feedforward") if name in found)
+    first = "".join(f"{name} + " for name in ("BIAS", "feedforward") if name in named)
     return Set("wanted", first + "summed" + (f" + {integral}" if integral else ""))
 
 
-def _limited(found: dict[str, float]) -> list[Statement]:
+def _limited(named: dict[str, float]) -> list[Statement]:
     """Return the statements that limit the signal in rate, then in range."""
     body: list[Statement] = [Set("limited", "wanted")]
     rules = (
@@ -322,7 +322,7 @@ def _limited(found: dict[str, float]) -> list[Statement]:
         ("LOWEST", "<", "LOWEST"),
     )
     return body + [
-        If(f"limited {sign} {edge}", [Set("limited", edge)]) for name, sign, edge in rules if name in found
+        If(f"limited {sign} {edge}", [Set("limited", edge)]) for name, sign, edge in rules if name in named
     ]
 
 
@@ -344,18 +344,18 @@ def _share(path: FilterChain, i: int, kind: str, j: int) -> str:
 def _path_constants(path: FilterChain, i: int) -> dict[str, float]:
     """Return the constants of the i-th chain by name."""
     name = part_name(i).upper()
-    found = {f"{name}_WEIGHT": path.weight} if path.weight not in (0.0, 1.0) else {}
+    named = {f"{name}_WEIGHT": path.weight} if path.weight not in (0.0, 1.0) else {}
     for kind, shares in (("NEW", path.new), ("OLD", path.old)):
-        found |= {_share(path, i, kind, j): value for j, value in enumerate(shares, start=1) if value}
-    return found | {f"{name}_GAIN_{m}": gain for m, gain in enumerate(path.gains) if gain}
+        named |= {_share(path, i, kind, j): value for j, value in enumerate(shares, start=1) if value}
+    return named | {f"{name}_GAIN_{m}": gain for m, gain in enumerate(path.gains) if gain}
 
 
 def _prefilter_constants(prefilter: Prefilter) -> dict[str, float]:
     """Return the constants of a prefilter by name."""
-    found: dict[str, float] = {}
+    named: dict[str, float] = {}
     for i, row in enumerate(prefilter.move, start=1):
-        found |= {f"PREFILTER_MOVE_{i}_{j}": x for j, x in enumerate(row, start=1) if x}
-    return found | {f"PREFILTER_OUT_{i}": x for i, x in enumerate(prefilter.out, start=1) if x}
+        named |= {f"PREFILTER_MOVE_{i}_{j}": x for j, x in enumerate(row, start=1) if x}
+    return named | {f"PREFILTER_OUT_{i}": x for i, x in enumerate(prefilter.out, start=1) if x}
 
 
 def _prefilter_states(prefilter: Prefilter) -> list[str]:
@@ -363,7 +363,7 @@ def _prefilter_states(prefilter: Prefilter) -> list[str]:
     return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
 
 
-def _prefilter_statements(prefilter: Prefilter, found: dict[str, float]) -> list[Statement]:
+def _prefilter_statements(prefilter: Prefilter, named: dict[str, float]) -> list[Statement]:
     """Return the statements that filter the set point."""
     n = len(prefilter.out)
     shares = ((prefilter.new, "target"), (prefilter.old, "prefilter_0"))
@@ -377,10 +377,10 @@ def _prefilter_statements(prefilter: Prefilter, found: dict[str, float]) -> list
     ]
     for i in range(1, n + 1):
         name, x = f"PREFILTER_MOVE_{i}_", f"prefilter_{i}"
-        terms = [f"{name}{j} * distance_{j}" for j in range(1, n + 1) if f"{name}{j}" in found]
+        terms = [f"{name}{j} * distance_{j}" for j in range(1, n + 1) if f"{name}{j}" in named]
         body += [Set(x, f"{x} + ({' + '.join(terms)})")] if terms else []
     outs = [(f"PREFILTER_OUT_{i}", f"prefilter_{i}") for i in range(1, n + 1)]
-    terms = [f"{gain} * ({x} - target)" for gain, x in outs if gain in found]
+    terms = [f"{gain} * ({x} - target)" for gain, x in outs if gain in named]
     return body + ([Set("target", f"target + ({' + '.join(terms)})")] if terms else [])
 
 
@@ -393,7 +393,7 @@ def _path_states(path: FilterChain, i: int) -> list[str]:
     )
 
 
-def _path_statements(path: FilterChain, i: int, found: dict[str, float]) -> list[Statement]:
+def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list[Statement]:
     """Return the statements for a chain of lags and the gains on its differences."""
     name, n, upper = part_name(i), path.order, part_name(i).upper()
     aim = {1.0: "target", 0.0: "0.0"}.get(path.weight, f"{upper}_WEIGHT * target")
@@ -429,7 +429,7 @@ def _path_statements(path: FilterChain, i: int, found: dict[str, float]) -> list
             body.append(Set(f"difference_{j}", f"{level[j - 1]} - {level[j]}"))
         if m:
             level = [f"difference_{j}" if j >= n - (highest - m) else x for j, x in enumerate(level)]
-        if f"{upper}_GAIN_{m}" in found:
+        if f"{upper}_GAIN_{m}" in named:
             term = f"{upper}_GAIN_{m} * {level[n]}"
             body.append(Set("summed", term if first else f"summed + {term}"))
             first = False

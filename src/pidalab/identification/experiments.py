@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import Any, Literal, cast
 from warnings import warn
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.signal import lsim
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.areas import RecordWarning
-from pidalab.areas.measured import StepRecord, is_record
+from pidalab.areas.measured import is_record
 from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)  # of the change, in the formulas of the three-point model
@@ -75,7 +75,7 @@ class ThreePointModel:
 
 
 def three_point(
-    t: ArrayLike | StepRecord,
+    t: ArrayLike | Any,
     y: ArrayLike | None = None,
     step: float | None = None,
     *,
@@ -146,25 +146,22 @@ def three_point(
     tau = 0.67 * (t85 - t35)
     if apparent_delay <= 0 or tau <= 0 or t5 <= 0:
         raise ValueError(
-            "y does not fit a third-order model with dead time: it reaches the levels at "
-            f"{t5:.4g}, {t35:.4g} and {t85:.4g}, which gives L = {apparent_delay:.4g} and tau = {tau:.4g}; "
-            "both must be positive"
+            "y does not fit a third-order model with dead time: L and tau must be above 0, found "
+            f"{apparent_delay:.4g} and {tau:.4g} from the times {t5:.4g}, {t35:.4g} and {t85:.4g}"
         )
     alpha = 0.598 + 0.4799 * t5 / apparent_delay - 0.41 / (t5 / tau) ** 0.6
     if not 0 <= alpha <= 1:
         raise ValueError(
-            f"y does not fit a third-order model with dead time: alpha = {alpha:.4g} is outside [0, 1] "
-            "(below 0 the response is too sluggish at first, above 1 too sudden)"
+            f"y does not fit a third-order model with dead time: alpha must be from 0 to 1, found {alpha:.4g}"
         )
     model = ThreePointModel(float(gain), float(apparent_delay), float(alpha), float(tau), (t5, t35, t85))
     highest = min(1 / (alpha * apparent_delay + 1e-300), (t.size - 1) / float(t[-1]))
     excess = _excess_gain(t, y / step, model.process, highest)
     if excess > MOST_EXCESS_GAIN:
         warn(
-            f"the model misses the record: up to the frequency {highest:.4g}, the gain of the record exceeds that of "
-            f"the model by up to {100 * excess:.0f} %, and {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with "
-            "this model may be unstable. Eq. (5) loses dead times that are short against the dominant lag (here "
-            f"L/tau = {apparent_delay / tau:.2g}). Use identification.fit, which uses all samples",
+            f"the model misses the record, whose gain is higher by up to {100 * excess:.0f} % below the frequency "
+            f"{highest:.4g}; {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with it may be unstable; use "
+            "identification.fit",
             RecordWarning,
             stacklevel=2,
         )
@@ -172,7 +169,7 @@ def three_point(
 
 
 def ipdt_tangent(
-    t: ArrayLike | StepRecord,
+    t: ArrayLike | Any,
     y: ArrayLike | None = None,
     step: float | None = None,
     *,
@@ -247,8 +244,8 @@ def ipdt_tangent(
     delay = middle - (level - y[0]) / slopes[i]
     if delay < -1e-9 * t[-1]:
         raise ValueError(
-            "y does not fit an integrator with dead time: the line along its steepest segment, around "
-            f"t = {middle:.4g}, meets the level of rest at t = {delay:.4g}, before the step"
+            "y does not fit an integrator with dead time: the steepest tangent meets the level of rest before the "
+            f"step, at t = {delay:.4g}"
         )
     return ipdt(float(slopes[i]) / step, max(0.0, float(delay)))
 
@@ -298,7 +295,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
 
 
 def ipdt_least_squares(
-    t: ArrayLike | StepRecord, y: ArrayLike | None = None, step: float | None = None, *, rise: float = 0.2
+    t: ArrayLike | Any, y: ArrayLike | None = None, step: float | None = None, *, rise: float = 0.2
 ) -> Process:
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
@@ -361,9 +358,7 @@ def ipdt_least_squares(
     fits = [_hinge(t[: end + 1], y[: end + 1] - y[0]) for end in ends]
     slope, delay = max(fits, key=lambda fit: fit[0] * np.sign(change))
     if slope * change <= 0:
-        raise ValueError(
-            "y does not fit an integrator with dead time: no ramp in the direction of its change"
-        )
+        raise ValueError("y does not fit an integrator with dead time: it has no ramp")
     return ipdt(slope / step, delay)
 
 
@@ -394,15 +389,11 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
 def _whole_change(y: Array) -> float:
     change = float(y[-1] - y[0])
     if abs(change) <= 1e-9 * max(np.max(np.abs(y)), 1e-300):
-        raise ValueError(
-            f"y must end elsewhere than it begins: it starts at {y[0]:.4g} and ends at {y[-1]:.4g}"
-        )
+        raise ValueError(f"y must change, found {y[0]:.4g} at the start and {y[-1]:.4g} at the end")
     return change
 
 
-def _experiment(
-    t: ArrayLike | StepRecord, y: ArrayLike | None, step: float | None
-) -> tuple[Array, Array, float]:
+def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> tuple[Array, Array, float]:
     """Check a step experiment; return the times from the step on, the output and the change of the input."""
     if is_record(t):
         if y is not None or step is not None:
@@ -413,8 +404,8 @@ def _experiment(
         noise = t.noise.deviation / abs(t.step.after - t.step.before)
         if noise > NOISY * change:
             warn(
-                f"the noise of the record is {100 * noise / change:.2g} % of the whole change, and the result depends "
-                f"on single samples. Above {100 * NOISY:g} %, use identification.fit, which uses all samples",
+                f"the noise of the record is {100 * noise / change:.2g} % of the whole change; above {100 * NOISY:g} % "
+                "use identification.fit",
                 RecordWarning,
                 stacklevel=3,
             )
@@ -451,9 +442,7 @@ def _levels_reached(t: Array, y: Array, crossing: str) -> tuple[tuple[float, flo
     """Check a step record; return the times at which it reaches the levels, and its whole change."""
     _check.choice("crossing", crossing, ("interpolated", "sampled"))
     if t.size < 30:
-        raise ValueError(
-            f"y must have at least 30 samples, found {t.size}: fewer do not show whether it settles"
-        )
+        raise ValueError(f"y must have at least 30 samples, found {t.size}")
     tenth = t.size // 10
     final, before = y[-tenth:].mean(), y[-2 * tenth : -tenth].mean()
     change = final - y[0]
@@ -461,20 +450,17 @@ def _levels_reached(t: Array, y: Array, crossing: str) -> tuple[tuple[float, flo
         raise ValueError(f"y never moves: it starts at {y[0]:.4g} and ends at {final:.4g}")
     if abs(final - before) > STILL_MOVING * abs(change):
         raise ValueError(
-            f"y has not settled: its mean still changes by {100 * abs(final - before) / abs(change):.2g} % of the "
-            f"whole change between the last two tenths of the record, and {100 * STILL_MOVING:g} % is allowed; "
-            "record longer"
+            f"y has not settled: in the last two tenths it moves by {100 * abs(final - before) / abs(change):.2g} % "
+            f"of the whole change, and {100 * STILL_MOVING:g} % is allowed; record longer"
         )
     share = (y - y[0]) / change
     if share[1] > LEVELS[0]:
         raise ValueError(
-            f"y already moves at its beginning ({100 * share[1]:.3g} % of the change in one sample): "
-            "t = 0 must be the time of the step, and the record finer than the dead time and lags"
+            f"y already moves by {100 * share[1]:.3g} % in the first sample: t = 0 must be the time of the step"
         )
     if share.max() > 1 + OVERSHOOT:
         raise ValueError(
-            f"y overshoots its final value by {100 * (share.max() - 1):.3g} % of the change, and {100 * OVERSHOOT:g} % "
-            "is allowed for noise: a model with real poles cannot oscillate"
+            f"y overshoots by {100 * (share.max() - 1):.3g} %, and {100 * OVERSHOOT:g} % is allowed: it has real poles"
         )
     times = []
     for level in LEVELS:

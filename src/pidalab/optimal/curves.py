@@ -114,23 +114,23 @@ def find_curves(
     noises = sorted({_check.real("noise_gains", one, above=0.0) for one in noise_gains})
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     below: list[list[_Point]] = []
-    found: dict[tuple[int, float, float], Design] = {}
+    designs: dict[tuple[int, float, float], Design] = {}
     with threadpool_limits(limits=1, user_api="blas"):
         for k in range(order + 1):
             limits = [
                 [Requirements(ms=level, noise_gain=noise, sample_time=sample_time) for noise in noises]
                 for level in levels
             ]
-            rows = [[_Point(process, k, own) for own in row] for row in limits]
+            rows = [[_Point(process, k, point_limits) for point_limits in row] for row in limits]
             _search(rows, below)
-            found |= {
+            designs |= {
                 (k, level, noise): point.design
                 for level, row in zip(levels, rows, strict=True)
                 for noise, point in zip(noises, row, strict=True)
                 if point.design is not None
             }
             below = rows
-    return found
+    return designs
 
 
 def _search(rows: list[list[_Point]], below: list[list[_Point]]) -> None:
@@ -140,10 +140,10 @@ def _search(rows: list[list[_Point]], below: list[list[_Point]]) -> None:
         loosest.descend(start)
     places = list(product(range(len(rows)), range(len(rows[0]))))
     for i, k in places[::-1]:
-        near = [row[k] for row in rows[i + 1 : i + 2]] + rows[i][k + 1 : k + 2]
-        rows[i][k].learn_from([*near, *(row[k] for row in below[i : i + 1])])
+        neighbours = [row[k] for row in rows[i + 1 : i + 2]] + rows[i][k + 1 : k + 2]
+        rows[i][k].learn_from([*neighbours, *(row[k] for row in below[i : i + 1])])
     for i, k in places:
-        near = [row[k] for row in rows[:i][-1:]] + rows[i][:k][-1:]
-        rows[i][k].learn_from(near)
+        neighbours = [row[k] for row in rows[:i][-1:]] + rows[i][:k][-1:]
+        rows[i][k].learn_from(neighbours)
     for i, k in places[::-1]:
         rows[i][k].end(*rows[i][k + 1 : k + 2])

@@ -86,7 +86,7 @@ def load(
         Largest allowed maximum of \|T\|, above 1; by default none.
     disk : float, optional
         Smallest allowed disk margin, between 0 and 2, as `pidalab.margins` has it; by default none. The circle that
-        encloses those of Ms = M and Mt = M, which MIGO designs for, is that of the disk margin 2/(2M - 1).
+        encloses those of Ms = M and Mt = M is that of the disk margin 2/(2M - 1).
     noise_gain : float, optional
         Largest allowed standard deviation of u per unit of that of white measurement noise, sampled and held, as
         `pidalab.noise_gain` has it, in units of u per unit of y; by default none.
@@ -192,18 +192,14 @@ def least_iae(
         limits = replace(limits, sample_time=noise_scale(process).sample_time)
     static = process.gain()
     if limits.mks is not None and math.isfinite(static) and limits.mks * abs(static) <= 1:
-        raise ValueError(
-            f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, which integral action makes of |C S| at zero "
-            f"frequency, found {limits.mks:g}"
-        )
+        raise ValueError(f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, found {limits.mks:g}")
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in limits.family):
         raise ValueError("family must have gains of the sign of the process: none stabilises both signs")
     searches: list[Search] = []
     best = _best(process, order, limits, searches, start)
     if best is None and any(search.family for search in searches):
         raise ValueError(
-            f"no controller of order {order} was found that keeps ms_worst <= {limits.ms_worst:g} with all of the "
-            "family: allow more, or a narrower family"
+            f"no controller of order {order} was found that keeps ms_worst = {limits.ms_worst:g} with all of the family"
         )
     if best is None:
         raise ValueError(_refusal(searches))
@@ -215,9 +211,16 @@ def _best(
     order: int,
     limits: Requirements,
     searches: list[Search],
-    near: Design | None,
+    start_design: Design | None,
 ) -> Design | None:
-    """Return the best design over the units of time; if no candidate keeps the limits, from approached starts."""
+    """Return the best design over the units of time; if no candidate keeps the limits, from approached starts.
+
+    Notes
+    -----
+    Each way to start is tried in longer and longer units of time, until the response of the search agrees with the
+    simulated one to `SAME_IAE`. `best` is the best design so far. The family is guarded only from the end of a search
+    without it, since its limits are rarely reached.
+    """
     import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
@@ -229,41 +232,41 @@ def _best(
     shortest, best = unit_of_time(positive, limits), None
     if limits.sample_time is not None and limits.sample_time > SLOWEST_SAMPLING * shortest:
         raise ValueError(
-            f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, found "
-            f"{limits.sample_time:g}: with such a sample time the loop would be far slower than the process"
+            f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, "
+            f"found {limits.sample_time:g}"
         )
     # the matrices are small: other threads would make the search up to ten times slower
     with (
         threadpool_limits(limits=1, user_api="blas"),
         Progress(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
     ):
-        ways: list[Any] = [*([] if near is None else [None]), feasible_starts, approached]
+        ways: list[Any] = [*([] if start_design is None else [None]), feasible_starts, approached]
         for start, factor in product(ways, UNITS_TRIED):
             # if only the family prevents a design, other starts lead to the same end
             if factor == UNITS_TRIED[0] and (best is not None or any(search.family for search in searches)):
                 break
             search = search_in(positive, order, limits, factor)
             searches.append(search)
-            if near is not None and start is None:
-                known: Any = near.controller
+            if start_design is not None and start is None:
+                known: Any = start_design.controller
                 gains = sign_of_gain(process) * np.array(known.coefficients)
                 end = finish(search, search.problem.unknowns(gains, known.filter_time))
-                found = None if end is None else SearchResult(end, (end.value,))
+                result = None if end is None else SearchResult(end, (end.value,))
             else:
                 starts = start(search)
-                found = descend_ladder(search, starts, bar) if starts else None
-            if found is None:
+                result = descend_ladder(search, starts, bar) if starts else None
+            if result is None:
                 continue
             if others:
-                search.guard(others)
-                end = finish(search, found.best.x)
+                search.family = tuple(others)
+                end = finish(search, result.best.x)
                 if end is None:
                     continue
-                found = SearchResult(end, _valleys(end.value, found.valleys))
-            design = judge(process, search, found)
+                result = SearchResult(end, _valleys(end.value, result.valleys))
+            design = judge(process, search, result)
             if best is None or design.iae < best.iae:
                 best = design
-            if design.iae - found.best.value * search.problem.time < SAME_IAE * design.iae:
+            if design.iae - result.best.value * search.problem.time < SAME_IAE * design.iae:
                 break  # the response of the search is long enough
     return best
 
@@ -273,15 +276,15 @@ def _refusal(searches: list[Search]) -> str:
     first = searches[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
-    near = [
+    nearest = [
         (search.violation(search.nearest), _nearest(search, search.nearest))
         for search in searches
         if search.nearest is not None
     ]
-    if near:
+    if nearest:
         return (
             f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}; the nearest "
-            f"has {min(near)[1]}: allow more, or take another order"
+            f"has {min(nearest)[1]}: allow more, or take another order"
         )
     hint = ""
     for other in range(HIGHEST_ORDER, order, -1):
@@ -302,8 +305,8 @@ def _nearest(search: Search, x: Array) -> str:
 
 def _peaks(loop: Loop) -> dict[str, float]:
     """Return all peaks of a loop that may be limited."""
-    found = {name: peak(loop)[0] for name, peak in SUPREMA.items()}
-    return {**found, "disk": 1 / found["inverse_disk"]}
+    suprema = {name: peak(loop)[0] for name, peak in SUPREMA.items()}
+    return {**suprema, "disk": 1 / suprema["inverse_disk"]}
 
 
 def upright(process: Process) -> Process:
@@ -311,9 +314,9 @@ def upright(process: Process) -> Process:
     return process if sign_of_gain(process) > 0 else Process(-process.num, process.den, process.delay)
 
 
-def judge(process: Process, search: Search, found: SearchResult) -> Design:
+def judge(process: Process, search: Search, result: SearchResult) -> Design:
     """Make a design of what was found, judged on the process itself."""
-    problem, limits, x = search.problem, search.limits, found.best.x
+    problem, limits, x = search.problem, search.limits, result.best.x
     gains, time = problem.controller(x)
     # what an action amounts to at the corner of the filter tells whether there is any
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
@@ -327,7 +330,7 @@ def judge(process: Process, search: Search, found: SearchResult) -> Design:
         info["noise_gain"] = search.true_noise(x)
     if search.family:
         loops = (Loop(plant, search.loop(x).controller) for plant in search.family)
-        info["ms_worst"] = max(max_sensitivity(own)[0] for own in loops)
+        info["ms_worst"] = max(max_sensitivity(other)[0] for other in loops)
     reached = limits.reached(info, ACTIVE)
     if search.family and info["ms_worst"] >= limits.ms_worst * (1 - ACTIVE):
         reached.append("ms_worst")
@@ -338,10 +341,10 @@ def judge(process: Process, search: Search, found: SearchResult) -> Design:
     none = [f"K_{k - 1} = 0" for k in range(1, problem.gains) if gains[k] == 0]
     info["active"] = (*reached, *none)
     info["edge"] = _edge(search, x)
-    info["digits"] = int(-math.log10(max(found.best.step, 1e-9)))
+    info["digits"] = int(-math.log10(max(result.best.step, 1e-9)))
     # the search follows responses for a limited time; the first valley is this design
-    scale = info["iae"] / found.valleys[0]
-    info["valleys"] = (info["iae"], *(scale * value for value in found.valleys[1:]))
+    scale = info["iae"] / result.valleys[0]
+    info["valleys"] = (info["iae"], *(scale * value for value in result.valleys[1:]))
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
 
 
@@ -349,8 +352,8 @@ def _edge(search: Search, x: Array) -> tuple[str, ...]:
     """Return what lies at the edge of the search, where no limit of the user is the edge."""
     at = search.problem.gains
     slowest = search.bounds[at][1]
-    found = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
-    return (*found, *(["gains"] if x[:at].max() > LARGEST_GAIN * (1 - 1e-3) else []))
+    edges = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
+    return (*edges, *(["gains"] if x[:at].max() > LARGEST_GAIN * (1 - 1e-3) else []))
 
 
 def _iae(loop: Loop, time: float) -> float:
@@ -358,9 +361,7 @@ def _iae(loop: Loop, time: float) -> float:
     try:
         return simulate_until_settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:
-        raise ValueError(
-            f"the limits leave only loops too slow to be followed for this process: {reason}"
-        ) from None
+        raise ValueError(f"the limits leave only loops too slow to be followed: {reason}") from None
 
 
 # --- the walk ---------------------------------------------------------------------------------------------------------
@@ -378,25 +379,27 @@ def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResul
     every rung, and the best of them are finished. Descents from random starts around the best one come last.
     """
     first = starts[0]
-    x, rungs = first, []
+    x, on_rungs = first, []
     down, up = search.rungs, search.rungs[::-1]
     # down, up, and down once more without the highest derivative, to the optimum of the order below
     for ladder, highest in ((down, LARGEST_GAIN), (up, LARGEST_GAIN), (down, 0.0)):
         for time in ladder:
-            value, found, violation = search.descend(search.near(x, first, float(time)), float(time), highest)
+            value, unknowns, violation = search.descend(
+                search.near(x, first, float(time)), float(time), highest
+            )
             if violation <= NEARLY:
-                x = found
-                rungs.append((value, found))
+                x = unknowns
+                on_rungs.append((value, unknowns))
             bar.update()
     # the filter time set free: from every rung and the other starts, then to the end from the best
     free = []
-    for start in [*(x for _, x in _distinct(rungs, len(rungs))), *starts[1:]]:
-        value, found, violation = search.descend(start)
+    for start in [*(x for _, x in _distinct(on_rungs, len(on_rungs))), *starts[1:]]:
+        value, unknowns, violation = search.descend(start)
         if violation <= NEARLY:
-            free.append((value, found))
+            free.append((value, unknowns))
         bar.update()
     finished: list[Polished] = []
-    for ends in (free, rungs):
+    for ends in (free, on_rungs):
         for _, start in _distinct(ends, BEST):
             end = finish(search, start, finished)
             finished += [] if end is None else [end]
@@ -440,10 +443,10 @@ def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
     return tuple(chosen)
 
 
-def _distinct(rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
+def _distinct(on_rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
     """Return the best rungs that are not the same point."""
     chosen: list[tuple[float, Array]] = []
-    for rung in sorted(rungs, key=lambda pair: pair[0]):
+    for rung in sorted(on_rungs, key=lambda pair: pair[0]):
         if all(np.max(np.abs(rung[1] - other[1])) > 1e-3 for other in chosen):
             chosen.append(rung)
         if len(chosen) == most:

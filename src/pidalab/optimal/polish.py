@@ -19,12 +19,9 @@ from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal.problem import MS, PEAKS, Scaled, numerator, weights, with_turns
 from pidalab.optimal.search import FINE, NEARLY, Search, is_surely_stable
-from pidalab.robustness.margins import (
-    max_complementary,
-    max_control_sensitivity,
-    max_difference,
-    max_sensitivity,
-)
+from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE
+from pidalab.robustness.in_z import axis_of
+from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
 MAX_FINISHES = 12  # rounds, each with the worst frequency of the one before
 VALLEY_GAP = 1e-2  # share by which the values of two valleys differ at least
@@ -38,8 +35,8 @@ SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "ms": max_sensitivity,
     "mks": max_control_sensitivity,
-    "mt": max_complementary,
-    "inverse_disk": max_difference,
+    "mt": lambda loop: axis_of(loop).peak(COMPLEMENTARY),
+    "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
 ROOM = 1e-9  # share of a limit that is left for rounding
 NEAR_LIMIT = 0.05  # share of a limit within which a peak becomes a condition
@@ -91,11 +88,11 @@ class Peaks:
         controller = self.problem._controller(x, s, actions)[0]
         L = plant * controller
         back = np.log(np.abs(1 + L))
-        found = np.full((NOMINAL, s.size), -np.inf)
+        heights = np.full((NOMINAL, s.size), -np.inf)
         for kind in self.limited:
-            found[kind] = np.log(np.abs(numerator(kind, controller, L))) - back - self.log_limits[kind]
+            heights[kind] = np.log(np.abs(numerator(kind, controller, L))) - back - self.log_limits[kind]
         others = -np.log(np.abs(1 + self.others_at_grid * controller)) - self.log_limits[NOMINAL:, None]
-        return np.vstack([found, others])
+        return np.vstack([heights, others])
 
     def _plant(self, s: Any, kinds: Array) -> tuple[Any, Any]:
         """The plant of each peak, and s P'/P."""
@@ -157,10 +154,10 @@ class Peaks:
 
 def _parts(kinds: Array, controller: Array, L: Array) -> Any:
     """Numerators over 1 + L, and both weights, of peaks, of which there are few; with other plants it is |S|."""
-    own = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
-    each = zip(own, controller.tolist(), L.tolist(), strict=True)
-    found = [(numerator(kind, c, l), *weights(kind, l)) for kind, c, l in each]
-    return np.array(found, dtype=complex).reshape(-1, 3).T
+    kind_of_each = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
+    each = zip(kind_of_each, controller.tolist(), L.tolist(), strict=True)
+    values = [(numerator(kind, c, l), *weights(kind, l)) for kind, c, l in each]
+    return np.array(values, dtype=complex).reshape(-1, 3).T
 
 
 class Lagrangian:
@@ -214,7 +211,7 @@ class Lagrangian:
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
         """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
-        bend, found = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
+        bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
             x = self.scaled.back(z)
@@ -224,8 +221,8 @@ class Lagrangian:
             return np.asarray(self.scaled.slopes(x, by_x() / value) - multipliers @ by_limits)
 
         for k, way in enumerate(h * np.eye(z.size)):
-            found[k] = (slope(z + way) - slope(z - way)) / (2 * h)
-        return 0.5 * (found + found.T)
+            second[k] = (slope(z + way) - slope(z - way)) / (2 * h)
+        return 0.5 * (second + second.T)
 
 
 def polish(search: Search, x: Array) -> Polished | None:
@@ -260,16 +257,16 @@ def polish(search: Search, x: Array) -> Polished | None:
                 lagrangian.hessian(z, kinds, w, multipliers[:limits], iae_of, spacing), rows[multipliers > 0]
             )
         while True:
-            found = solve_qp(hessian, slope, rows, slack, trust)
-            if found is None:
+            solution = solve_qp(hessian, slope, rows, slack, trust)
+            if solution is None:
                 return None
-            step, multipliers = found
+            step, multipliers = solution
             length = float(np.max(np.abs(step)))
             price = max(price, 2 * float(np.max(multipliers[:limits], initial=0.0)))
             there, by = lagrangian.violation(z + step)
             # near the end shrinking steps count, not values: a full step may miss curved limits by a little
-            near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
-            if near or there + price * by <= value + price * violation:
+            is_near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
+            if is_near or there + price * by <= value + price * violation:
                 break
             # the trust region shrinks even if rounding let the step pass it
             trust = 0.3 * min(trust, length)
@@ -345,10 +342,10 @@ def solve_qp(
     system = np.vstack([turned / scale, wanted / scale])
     target = np.append(np.zeros(size), 1.0)
     weights, _ = nnls(system, target)
-    rest = system @ weights - target
-    if -rest[-1] < 1e-13:
+    residual = system @ weights - target
+    if -residual[-1] < 1e-13:
         return None
-    multipliers = weights / scale / -rest[-1]
+    multipliers = weights / scale / -residual[-1]
     step = np.asarray(best + np.linalg.solve(root.T, turned @ multipliers), dtype=float)
     return step, multipliers[: slack.size - 2 * size]
 
@@ -364,17 +361,17 @@ def finish(
     None if that fails, or ends at a known end or at a worse one.
     """
     for _ in range(MAX_FINISHES):
-        value, found, violation = search.descend(x, effort=FINE)
-        if violation > NEARLY or not search.sound(found):
+        value, unknowns, violation = search.descend(x, effort=FINE)
+        if violation > NEARLY or not search.sound(unknowns):
             # the descent diverged: again, with smaller gains
             x = np.append(BACK * x[: search.problem.gains], x[-1])
             continue
         if any(
-            value > other.value * (1 + VALLEY_GAP) or np.allclose(found, other.x, ALIKE, ALIKE)
+            value > other.value * (1 + VALLEY_GAP) or np.allclose(unknowns, other.x, ALIKE, ALIKE)
             for other in known
         ):
             return None
-        x, end = found, polish(search, found) if last_steps else None
+        x, end = unknowns, polish(search, unknowns) if last_steps else None
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
         for peak in end.w:  # for the descents that follow
@@ -388,12 +385,12 @@ def finish(
 
 def _safe(search: Search, x: Array) -> bool:
     """Return True if all plants of the family keep their limit; else let the descents see the worst two."""
-    loop, found = search.loop(x), []
+    loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)
         ms, at = max_sensitivity(other)
-        found.append((ms if is_surely_stable(other) else np.inf, at, k))
-    worst = sorted(found, reverse=True)[:WORST_PLANTS]
+        peaks.append((ms if is_surely_stable(other) else np.inf, at, k))
+    worst = sorted(peaks, reverse=True)[:WORST_PLANTS]
     over = [entry for entry in worst if entry[0] > search.limits.ms_worst]
     for _, at, k in over:
         search.see(k, at)
@@ -422,5 +419,5 @@ def _keeps(search: Search, x: Array, noise: float) -> bool:
             search.look_at(at)
     if search.limits.noise_gain is not None and noise > search.limits.noise_gain:
         kept = False
-        search.aim_below(noise)
+        search.aim *= search.limits.noise_gain / noise * (1 - search.spare)
     return kept

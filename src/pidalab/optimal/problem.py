@@ -106,10 +106,10 @@ class Problem:
 
     def unknowns(self, gains: Array, time: float) -> Array:
         """Vector of unknowns of gains K_-1, K_0, ..., of which the last may be missing, and a filter time."""
-        found = np.zeros(self.size)
-        found[: len(gains)] = gains / self.units[: len(gains)]
-        found[-1] = np.log(time / self.time)
-        return found
+        x = np.zeros(self.size)
+        x[: len(gains)] = gains / self.units[: len(gains)]
+        x[-1] = np.log(time / self.time)
+        return x
 
     def _actions(self, s: Any) -> Any:
         """s^-1 ... s^m at complex s, for unknowns without dimension and without the filter."""
@@ -153,18 +153,18 @@ class Problem:
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
             # an integral beyond the horizon of the other sign counts against the design
-            rest = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
+            excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
                 # by Parseval the integral of weight times slope over time is one over frequency: one transform
-                weight = np.conj(np.fft.rfft((2 * by_error - 2 * rest) * step * growth)) * both_signs
+                weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
-                found = np.append(actions @ (weighted * filtered), by_time).real
-                found[0] -= (1 + 2 * rest * (1 + REST) - rest**2 * REST) * ie / max(x[0], 1e-12)
-                return found / self.time
+                gradient = np.append(actions @ (weighted * filtered), by_time).real
+                gradient[0] -= (1 + 2 * excess * (1 + REST) - excess**2 * REST) * ie / max(x[0], 1e-12)
+                return gradient / self.time
 
-            return (ie + 2 * step * other + REST * ie * rest**2) / self.time, slope
+            return (ie + 2 * step * other + REST * ie * excess**2) / self.time, slope
 
         return value
 
@@ -209,12 +209,12 @@ class Problem:
             slack = [(1 - r) / (1 + r if kind else r) for (kind, _), r in zip(kinds, shares, strict=True)]
 
             def slope() -> Array:
-                by_all, found = slopes(), []
+                by_all, rows = slopes(), []
                 for (kind, _), r in zip(kinds, shares, strict=True):
                     factor = -4 * r / (1 + r) ** 2 if kind else -2 / r
-                    found.append(np.real(factor * weights(kind, L)[0] / controller * by_all))
+                    rows.append(np.real(factor * weights(kind, L)[0] / controller * by_all))
                 out = np.zeros((self.size, len(kinds) * w.size))
-                out[: self.gains + 1] = np.hstack(found)
+                out[: self.gains + 1] = np.hstack(rows)
                 return out.T
 
             return np.concatenate(slack), slope
@@ -282,14 +282,14 @@ class Scaled:
         by_z[..., 0] = by_x[..., 0] * x[0]
         return by_z
 
-    def functions(self, one: CachedValueAndSlope) -> tuple[Any, Any]:
+    def functions(self, function: CachedValueAndSlope) -> tuple[Any, Any]:
         """Return value and slope of a function, as functions of the scaled unknowns."""
 
         def slope(z: Array) -> Array:
             x = self.back(z)
-            return self.slopes(x, one.slope(x))
+            return self.slopes(x, function.slope(x))
 
-        return lambda z: one.value(self.back(z)), slope
+        return lambda z: function.value(self.back(z)), slope
 
 
 # --- noise ------------------------------------------------------------------------------------------------------------
@@ -340,10 +340,10 @@ class SampledNoise:
         u = controller * sensitivity
 
         def slope() -> Array:
-            found, slopes = np.zeros(x.size), controller_slopes()
+            gradient, slopes = np.zeros(x.size), controller_slopes()
             by_controller = np.conj(u) * sensitivity**2 * self.weight
-            found[: slopes.shape[0]] = 2 * np.real(slopes @ by_controller)
-            return found
+            gradient[: slopes.shape[0]] = 2 * np.real(slopes @ by_controller)
+            return gradient
 
         return float(np.abs(u) ** 2 @ self.weight), slope
 
@@ -381,12 +381,12 @@ class SampledNoise:
         controller += gains[0] * self.integrator
 
         def slopes() -> Array:
-            found = np.empty((n + 2, lags.shape[1]))
-            np.matmul((self.problem.units * powers)[:, None] * self.actions, lags, out=found[:-1])
-            np.matmul((gains * powers) @ self.by_time, lags, out=found[-1])
-            found = found.view(complex)
-            found[0] += self.problem.units[0] * self.integrator
-            return found
+            rows = np.empty((n + 2, lags.shape[1]))
+            np.matmul((self.problem.units * powers)[:, None] * self.actions, lags, out=rows[:-1])
+            np.matmul((gains * powers) @ self.by_time, lags, out=rows[-1])
+            rows = rows.view(complex)
+            rows[0] += self.problem.units[0] * self.integrator
+            return rows
 
         return controller, slopes
 
@@ -397,11 +397,11 @@ class SampledNoise:
         rho = self.h / time
         a = math.exp(-rho)
         inverse = 1 / (self.z - a)
-        own = gammainc(np.arange(1.0, most + 1), rho)
+        direct = gammainc(np.arange(1.0, most + 1), rho)
         from_one = [a * rho**k / math.factorial(k) for k in range(most)]
         chain = np.ones((most + 1, self.z.size), dtype=complex)
         for i in range(1, most + 1):
-            total = own[i - 1] + sum(from_one[i - j] * chain[j] for j in range(1, i))
+            total = direct[i - 1] + sum(from_one[i - j] * chain[j] for j in range(1, i))
             np.multiply(total, inverse, out=chain[i])
         return chain
 
@@ -462,8 +462,7 @@ def _by_noise(process: Process, integrators: int, limits: Requirements) -> float
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:
         raise ValueError(
-            "process must have a lag or a dead time: a gain alone has no best controller, and integrators alone have "
-            "one only under a limit of noise (mks, or noise_gain with sample_time)"
+            "process must have a lag or a dead time, or be an integrator under a limit of noise (mks or noise_gain)"
         )
     gain = abs(float(process.num[-1] / process.den[0]))
     return float((gain * QUIET_SHARE * loudest) ** (-1 / integrators))

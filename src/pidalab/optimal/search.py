@@ -6,7 +6,7 @@ one place below a chosen crossover, as plants need that only a derivative or an 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice, product
 from typing import Any
 
@@ -97,13 +97,13 @@ class Search:
 
     def violation(self, x: Array, constraints: list[CachedValueAndSlope] | None = None) -> float:
         """Return the largest violation of a limit."""
-        return max(0.0, -min(float(np.min(one.value(x))) for one in constraints or self.constraints()))
+        return max(0.0, -min(float(np.min(each.value(x))) for each in constraints or self.constraints()))
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """Return the slack of every limit, not negative where it is kept, at the frequencies so far."""
         worst = {"ms": self.limits.ms_worst * (1 - self.spare)}
-        found = [self.problem.slack(self.w, self.limits.peaks(self.spare))]
-        found += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
+        functions = [self.problem.slack(self.w, self.limits.peaks(self.spare))]
+        functions += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
         if self.noise is not None:
             noise, most = self.noise, self.aim
 
@@ -112,8 +112,8 @@ class Search:
                 deviation = np.sqrt(variance)
                 return 1 - deviation / most, lambda: -slope() / (2 * deviation * most)
 
-            found.append(margin)
-        return [CachedValueAndSlope(one) for one in found]
+            functions.append(margin)
+        return [CachedValueAndSlope(function) for function in functions]
 
     def descend(
         self,
@@ -140,16 +140,16 @@ class Search:
                 scaled = Scaled(x, at)
                 value_of, slope_of = scaled.functions(CachedValueAndSlope(self.log_iae))
                 limits = (
-                    dict(zip(("fun", "jac"), scaled.functions(one), strict=True)) for one in constraints
+                    dict(zip(("fun", "jac"), scaled.functions(each), strict=True)) for each in constraints
                 )
-                found = minimize(
+                solution = minimize(
                     value_of, scaled(x), method="SLSQP", jac=slope_of,
                     bounds=list(zip(scaled(low), scaled(high), strict=True)),
                     constraints=[{"type": "ineq", **limit} for limit in limits],
                     options=dict(zip(("maxiter", "ftol"), effort, strict=True)),
                 )  # fmt: skip
-                end = np.clip(scaled.back(found.x), low, high)
-                before, value = value, float(found.fun)
+                end = np.clip(scaled.back(solution.x), low, high)
+                before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
                 # a long descent may have ended early, with the curvature of its start: begin again from its end
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
@@ -167,15 +167,6 @@ class Search:
         """Add frequencies around a peak; with `nearly` only if none is near."""
         if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
             self.w = np.append(self.w, peak * AROUND)
-
-    def aim_below(self, noise: float) -> None:
-        """Lower the aim for the noise by the factor by which it is too large."""
-        assert self.limits.noise_gain is not None
-        self.aim *= self.limits.noise_gain / noise * (1 - self.spare)
-
-    def guard(self, family: Sequence[Process]) -> None:
-        """Keep the limit of Ms with other plants, too, from now on."""
-        self.family = tuple(family)
 
     def see(self, k: int, peak: float) -> None:
         """Let the descents see a plant of the family; if they do, add the frequencies of its peak."""
@@ -262,10 +253,10 @@ def feasible_starts(search: Search, surely: bool = True) -> list[Array]:
     return chosen
 
 
-def _apart(one: Array, other: Array, gains: int) -> bool:
+def _apart(first: Array, other: Array, gains: int) -> bool:
     """Return True if integral gain, largest action or filter differ by more than a factor."""
-    differences = np.log([one[0] / other[0], one[:gains].max() / other[:gains].max()])
-    return bool(max(np.abs(differences).max(), abs(one[gains] - other[gains])) > START_GAP)
+    differences = np.log([first[0] / other[0], first[:gains].max() / other[:gains].max()])
+    return bool(max(np.abs(differences).max(), abs(first[gains] - other[gains])) > START_GAP)
 
 
 def approached(search: Search) -> list[Array]:
@@ -306,21 +297,25 @@ def relax(search: Search, start: Array) -> Array:
         unstable = search.problem.unstable(z[:-1])
         return (BARRIER, np.zeros(z.size)) if unstable else (float(z[-1]), only_slack)
 
-    def with_slack(one: CachedValueAndSlope) -> dict[str, Any]:
+    def with_slack(each: CachedValueAndSlope) -> dict[str, Any]:
         def slope(z: Array) -> Array:
-            rows = np.atleast_2d(one.slope(z[:-1]))
+            rows = np.atleast_2d(each.slope(z[:-1]))
             return np.hstack([rows, np.ones((rows.shape[0], 1))])
 
-        return {"type": "ineq", "fun": lambda z: np.atleast_1d(one.value(z[:-1])) + z[-1], "jac": slope}
+        return {
+            "type": "ineq",
+            "fun": lambda z: np.atleast_1d(each.value(z[:-1])) + z[-1],
+            "jac": slope,
+        }
 
     with np.errstate(all="ignore"):
-        found = minimize(
+        end = minimize(
             slack, np.append(start, search.violation(start, constraints)), jac=True, method="SLSQP",
-            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(one) for one in constraints],
+            bounds=[*search.bounds, (INSIDE, None)], constraints=[with_slack(each) for each in constraints],
             options={"maxiter": 80, "ftol": 1e-7},
         ).x[:-1]  # fmt: skip
-        better = search.violation(found, constraints) < search.violation(start, constraints)
-    return found if better else start
+        better = search.violation(end, constraints) < search.violation(start, constraints)
+    return end if better else start
 
 
 def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:

@@ -109,7 +109,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
     """
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
     low, high, at_low, at_high, place = w[i], w[i + 1], values[i], values[i + 1], w[i]
-    near = SAME_CROSSING * (high - low)
+    tolerance = SAME_CROSSING * (high - low)
     for _ in range(MOST_STEPS if i.size else 0):
         middle = 0.5 * (low + high)
         at_middle = function(middle)
@@ -123,7 +123,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
             for a, b, c in ((middle, place, high), (at_middle, here, at_high))
         )
         low, at_low = (np.where(inner | exact | ~lower, b, c) for b, c in ((place, low), (here, at_low)))
-        if np.all(np.abs(place - last) <= near):
+        if np.all(np.abs(place - last) <= tolerance):
             break
     if not np.isfinite(place).all():
         raise ArithmeticError(f"{np.sum(~np.isfinite(place))} of {i.size} crossovers were not found")
@@ -199,9 +199,8 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
-    least = below * np.where(above > 0, below / above, 1.0)
-    most = above * np.where(below > 0, above / below, 1.0)
-    apart = np.fmax(least - 1, 1 - most)
+    # a smooth function leaves the range of two neighbours by as much as they differ
+    apart = np.fmax(below * np.where(above > 0, below / above, 1.0) - 1, 1 - most_between(below, above))
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
 
 
@@ -215,6 +214,8 @@ class Axis(ABC):
     ----------
     grid : ndarray
         Frequencies in rad per time unit, ascending.
+    on_grid : Samples
+        The loop at these frequencies.
     delay : float
         Time by which the phase turns in addition to that of the roots; 0 if it does not.
     at_zero, at_end : float
@@ -224,6 +225,7 @@ class Axis(ABC):
     """
 
     grid: Array
+    on_grid: Samples
     delay: float
     at_zero: float
     at_end: float
@@ -236,11 +238,6 @@ class Axis(ABC):
     @abstractmethod
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
         """Count the zeros of the characteristic function right of s = jω - slope ω - shift; None if one is on it."""
-
-    @cached_property
-    def on_grid(self) -> Samples:
-        """The loop at the points of the grid."""
-        return self.at(self.grid)
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
@@ -353,12 +350,12 @@ class Axis(ABC):
 
         with np.errstate(all="ignore"):
             samples, heights = self.on_grid, values(self.on_grid)
-            most, best, where = limits(samples), *max((least, math.nan), _top(samples.w, heights), key=_first)
+            most, best, where = limits(samples), *max((least, math.nan), _top(samples.w, heights))
             if self._probes.size:
                 probe = self._probes[np.argmin(depths(self._probes))]
                 around = probe + np.array([-FINE_STEP, 0.0, FINE_STEP]) / self.delay
                 place, depth = lowest(depths, around, np.array([1]))
-                best, where = max((best, where), (float(depth[0] ** -0.5), float(place[0])), key=_first)
+                best, where = max((best, where), (float(depth[0] ** -0.5), float(place[0])))
             # long steps are taken in pieces, of which few may hold a peak
             pieces = divided(samples.w, most > best, self.delay, PIECE * FINE_STEP)
             if pieces is not samples.w:
@@ -374,7 +371,7 @@ class Axis(ABC):
                 followed[first[more[first]]] = True
                 samples = self.at(divided(pieces, followed, self.delay))
                 heights, most = values(samples), limits(samples)
-                best, where = max((best, where), _top(samples.w, heights), key=_first)
+                best, where = max((best, where), _top(samples.w, heights))
             inner, before, after = heights[1:-1], heights[:-2], heights[2:]
             # a difference of rounding makes no hill
             hills = 1 + np.flatnonzero(
@@ -390,11 +387,7 @@ class Axis(ABC):
             most = most_between(*(heights[three] * distance)) / closest
             hills = hills[~((most <= best * (1 + NO_HIGHER)) & (closest > 0))]
             places, depth = lowest(depths, samples.w, hills)
-        return max([(best, where), *zip((depth**-0.5).tolist(), places.tolist(), strict=True)], key=_first)
-
-
-def _first(pair: tuple[float, float]) -> float:
-    return pair[0]
+        return max([(best, where), *zip((depth**-0.5).tolist(), places.tolist(), strict=True)])
 
 
 def _top(w: Array, heights: Array) -> tuple[float, float]:

@@ -100,17 +100,9 @@ class AxisInS(Axis):
     ----------
     factors : LoopFactors
         The loop.
-    samples : Samples
-        Its values at the points of the grid.
     """
 
     factors: LoopFactors
-    samples: Samples
-
-    @property
-    def on_grid(self) -> Samples:
-        """The loop at the points of the grid."""
-        return self.samples
 
     def scaled(self, factor: float) -> AxisInS:
         """Return the loop with its gain times a factor above 0."""
@@ -119,7 +111,7 @@ class AxisInS(Axis):
             at_zero=factor * self.at_zero,
             at_end=factor * self.at_end,
             factors=self.factors._replace(gain=factor * self.factors.gain),
-            samples=self.samples._replace(num=factor * self.samples.num),
+            on_grid=self.on_grid._replace(num=factor * self.on_grid.num),
         )
 
     def at(self, w: Any) -> Samples:
@@ -140,7 +132,7 @@ class AxisInS(Axis):
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope
         if contour_slope == contour_shift == 0.0:
-            (_, num, den), (edges, touched) = self.samples, self.gain_crossings
+            (_, num, den), (edges, touched) = self.on_grid, self.gain_crossings
         else:
 
             def at(w: Any) -> Samples:
@@ -185,8 +177,8 @@ class AxisInS(Axis):
     def _may_pass_unseen(self, flat: Any, L: Any) -> bool:
         """Return True if L may pass -1 between two points at both of which its modulus is 1."""
         pairs = flat[:-1] & flat[1:]
-        left = (L.real[:-1] < 0) & (L.real[1:] < 0) & (L.imag[:-1] * L.imag[1:] <= 0)
-        return bool(np.any(pairs & (left | (np.diff(self.grid) * self.delay > COARSE_STEP))))
+        negative = (L.real[:-1] < 0) & (L.real[1:] < 0) & (L.imag[:-1] * L.imag[1:] <= 0)
+        return bool(np.any(pairs & (negative | (np.diff(self.grid) * self.delay > COARSE_STEP))))
 
 
 @lru_cache(maxsize=64)
@@ -222,7 +214,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
         at_zero=at_zero,
         at_end=-abs(at_infinity) if factors.delay else at_infinity,
         factors=factors,
-        samples=Samples(w, num, den),
+        on_grid=Samples(w, num, den),
     )
 
 

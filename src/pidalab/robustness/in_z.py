@@ -44,8 +44,7 @@ def require_later_answer(plant: Any, direct: float, h: float) -> None:
     """Raise for a plant whose output at a sample shows the input that is set there."""
     if direct and plant.delay < h * ALIGNED:
         raise ValueError(
-            "the plant answers within the sample (direct feedthrough without dead time): the controller would read "
-            f"what it has not set yet; found {plant!r}"
+            f"plant must have a dead time or no direct feedthrough in a sampled loop, found {plant!r}"
         )
 
 
@@ -76,16 +75,15 @@ def sampled_plant(process: Process, h: float) -> SampledPlant:
     A, b, c, d = realise(process.num, process.den)
     if process.delay > LONGEST_DELAY * h:
         raise ValueError(
-            f"the dead time must be at most {LONGEST_DELAY:g} samples for the margins of a sampled loop, found "
-            f"{process.delay:.4g} with a sample time of {h:.4g}: so fast a sampling costs nothing, take the continuous "
-            "controller"
+            f"delay must be at most {LONGEST_DELAY:g} samples in a sampled loop, found {process.delay:.4g} with a "
+            f"sample time of {h:.4g}; take the continuous controller"
         )
     parts = pieces(process.delay, h)
     require_later_answer(process, d, h)
     phi, inputs = np.eye(c.size), []
     for piece in reversed(parts):
         transition, gamma = held(A, b, piece.time)
-        inputs.append((phi @ gamma, piece.ago))
+        inputs.append((phi @ gamma, piece.lag_samples))
         phi = phi @ transition
     triangular, basis = schur(phi, output="complex") if c.size else (phi, phi)
     return SampledPlant(
@@ -188,9 +186,8 @@ def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
     integrates = controller.integrates or process.den[-1] == 0
     # an integrator makes L infinite at zero frequency, unless the plant's zero there cancels it
     at_zero = math.inf if integrates and process.num[-1] != 0 else L(grid[0] if integrates else 0.0)
-    return AxisInZ(
-        grid=grid, delay=process.delay + h, at_zero=at_zero, at_end=L(end), end=end, transfer=transfer
-    )
+    on_grid = Samples(grid, *transfer(1j * grid))
+    return AxisInZ(grid, on_grid, process.delay + h, at_zero, L(end), end, transfer=transfer)
 
 
 def axis_of(loop: Loop) -> Axis:

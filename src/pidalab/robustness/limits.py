@@ -157,9 +157,11 @@ def linear_part(loop: Loop) -> LinearPart:
         num, den = np.convolve(num, own_num), np.convolve(den, own_den)
         zeros.append(roots(own_num))
         poles.append(roots(own_den))
-    found = np.concatenate(poles)
-    part = LinearPart(Process(num, den, loop.process.delay), np.concatenate(zeros), found[found != 0], ti)
-    _check_assumptions(part, int(np.sum(found == 0)))
+    all_poles = np.concatenate(poles)
+    part = LinearPart(
+        Process(num, den, loop.process.delay), np.concatenate(zeros), all_poles[all_poles != 0], ti
+    )
+    _check_assumptions(part, int(np.sum(all_poles == 0)))
     return part
 
 
@@ -168,16 +170,12 @@ def _check_assumptions(part: LinearPart, integrators: int) -> None:
         raise ValueError("the forward path must be strictly proper: the limits would act on themselves")
     bad = part.poles[part.poles.real >= 0]
     if bad.size or integrators > 1:
-        found = f"one at {bad[0]:.4g}" if bad.size else f"{integrators} at 0"
-        raise ValueError(
-            f"poles of the forward path must lie left of the imaginary axis, but for one at 0; found {found}"
-        )
+        offending = f"one at {bad[0]:.4g}" if bad.size else f"{integrators} at 0"
+        raise ValueError(f"poles of the forward path must be stable, but for one at 0; found {offending}")
     if integrators:
         residue = float(part.forward.num[-1] / part.forward.den[-2])
         if residue <= 0:
-            raise ValueError(
-                f"the pole at 0 must have a positive residue, or no small gain stabilises; found {residue:.4g}"
-            )
+            raise ValueError(f"the pole at 0 must have a positive residue, found {residue:.4g}")
 
 
 def circle(loop: Loop) -> Criterion:
@@ -255,12 +253,12 @@ def popov(loop: Loop) -> Criterion:
     for _ in range(MOST_MULTIPLIERS):
         tried.append(Criterion(*infimum(part, theta), theta))
         lines.append(line(part, tried[-1].frequency))
-        best = max(tried, key=lambda one: one.margin)
+        best = max(tried, key=lambda each: each.margin)
         bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
         # far multipliers turn the phase often: go there step by step
-        reach = max(slowest, FURTHER * max(one.multiplier for one in tried))
+        reach = max(slowest, FURTHER * max(each.multiplier for each in tried))
         theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
@@ -403,13 +401,13 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner - np.fmax(change[:-1], change[1:]) <= best)
     at, least = lowest(lambda w: function(axis.at(w)), samples.w, 1 + np.flatnonzero(dips))
     i = int(np.argmin(values))
-    found, where = min(
+    low, where = min(
         [(float(values[i]), float(samples.w[i])), *zip(least.tolist(), at.tolist(), strict=True)]
     )
     for value, end in ((at_zero, 0.0), (at_infinity, math.inf)):
-        if _below(value) <= found:
+        if _below(value) <= low:
             return value, end
-    return found, where
+    return low, where
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:

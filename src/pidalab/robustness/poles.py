@@ -70,9 +70,7 @@ def count_unstable(axis: Axis) -> float:
         count = axis.encirclements(slope, shift)
         if count is not None:
             return count
-    raise ArithmeticError(
-        "the closed loop has a pole so close to the limit of stability that it cannot be counted"
-    )
+    raise ArithmeticError("the closed loop has a pole too close to the limit of stability to be counted")
 
 
 def is_stable(loop: Loop) -> bool:
@@ -139,32 +137,31 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     count = _check.order("count", count, at_least=1)
     num, _ = open_loop(loop)
     if not loop.process.delay or not np.any(num):
-        found, off = _of_ratio(loop)
-        if found.size < count:
-            raise ValueError(f"count must be at most the order of the loop, {found.size}, found {count}")
-        last = _whole_pairs(found, count)
-        if np.any((off > 0) & (found.real + off >= found[last - 1].real)):
+        poles, off = _of_ratio(loop)
+        if poles.size < count:
+            raise ValueError(f"count must be at most the order of the loop, {poles.size}, found {count}")
+        last = _whole_pairs(poles, count)
+        if np.any((off > 0) & (poles.real + off >= poles[last - 1].real)):
             raise ArithmeticError(f"the {count} rightmost poles cannot be told from their neighbours")
-        return found[:last]
+        return poles[:last]
     delay, nodes = loop.process.delay, 32
     loop, factors = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
         chain = np.log(abs(from_factors(factors).at_end))  # where the poles of a neutral loop gather
     while nodes <= MOST_NODES:
-        found = _polished(loop, _collocation(loop, nodes))
-        for last in range(count, min(count + CLUSTER, found.size) + 1):
-            if last == _whole_pairs(found, last) and _all_of_them(factors, found, last, chain):
-                return found[:last] / delay
+        poles = _polished(loop, _collocation(loop, nodes))
+        for last in range(count, min(count + CLUSTER, poles.size) + 1):
+            if last == _whole_pairs(poles, last) and _all_of_them(factors, poles, last, chain):
+                return poles[:last] / delay
         nodes *= 2
-    if found.size < count:
+    if poles.size < count:
         raise ArithmeticError(
-            f"count = {count}: only {found.size} poles lie right of {-FARTHEST / delay:.4g}, beyond which rounding "
-            "hides them"
+            f"count must be at most {poles.size}, the poles right of {-FARTHEST / delay:.4g}, found {count}"
         )
-    near = "their neighbours"
+    others = "their neighbours"
     if chain > -math.inf:
-        near = f"the chain of poles of this neutral loop at {chain / delay:.4g}"
-    raise ArithmeticError(f"the {count} rightmost poles cannot be told from {near}")
+        others = f"the chain of poles of this neutral loop at {chain / delay:.4g}"
+    raise ArithmeticError(f"the {count} rightmost poles cannot be told from {others}")
 
 
 def _of_ratio(loop: Loop) -> tuple[Any, Any]:
@@ -206,10 +203,10 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
     return value, (1 + value) / slope
 
 
-def _all_of_them(factors: LoopFactors, found: Any, last: int, chain: float) -> bool:
+def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
     """Return True if the argument principle counts as many poles as the first `last` right of a line behind them."""
-    slowest = found[last - 1].real
-    border = slowest - 1 if last == found.size else max(0.5 * (slowest + found[last].real), slowest - 1)
+    slowest = poles[last - 1].real
+    border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
         return False
     try:
@@ -276,13 +273,13 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             s = s - step
         # far right of the axis the dead time leaves only rounding of `value`
         still = np.abs(step) <= 1e-9 * np.abs(s)
-        near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
+        is_near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
         # in a cluster it diverges once only rounding is left of value and slope
-        s = np.where(near & (np.abs(value) <= 10 * least), s, best)
+        s = np.where(is_near & (np.abs(value) <= 10 * least), s, best)
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
-    return _sorted(s[solved | still & near])
+    return _sorted(s[solved | still & is_near])
 
 
 def _sorted(poles: Any) -> Any:

@@ -7,7 +7,6 @@ from pidalab.rules import (
     haalman,
     itae,
     magnitude_optimum,
-    migo,
     mrdp,
     registry,
 )
@@ -21,7 +20,6 @@ __all__ = [
     "haalman",
     "itae",
     "magnitude_optimum",
-    "migo",
     "mrdp",
     "registry",
 ]

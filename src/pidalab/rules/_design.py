@@ -117,9 +117,7 @@ class Design:
         True
         """
         if process is None and not isinstance(self.model, Process):
-            raise TypeError(
-                "process must be given for a design that was made from areas, as in design.loop(process)"
-            )
+            raise TypeError("process must be given: this design was made from areas")
         plant = self.model if process is None else process
         return Loop(plant, self.controller, self.output_filter, self.prefilter)
 

@@ -79,9 +79,7 @@ def simc(
     source = "Skogestad (2003), eqs. (10), (11), (23) to (25)"
     if reduced.integrators == 2:
         if kind == "PI":
-            raise ValueError(
-                f"kind must be 'PID' for two integrators, found 'PI': none is stable with {model!r}"
-            )
+            raise ValueError(f"kind must be 'PID' for two integrators, found 'PI' with {model!r}")
         controller: Any = _from_series(1 / (4 * reduced.gain * reach**2), 4 * reach, 4 * reach, n)
     elif not lags and not reduced.integrators:
         controller = HighOrderPID([1 / (reduced.gain * reach), 0.0], filter_time=0.0, filter_order=0)
@@ -133,9 +131,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     """
     reduced = _half_rule(model, 1)
     if reduced.integrators > 1:
-        raise ValueError(
-            f"model must have at most one integrator for classical.improved_simc, found {model!r}"
-        )
+        raise ValueError(f"model must have at most one integrator, found {model!r}")
     wanted = _closed_loop_time(closed_loop_time, reduced.delay / 2)
     reach, third = wanted + reduced.delay, reduced.delay / 3
     info = {"gain": reduced.gain, "lags": reduced.lags, "delay": reduced.delay, "closed_loop_time": wanted}
@@ -151,8 +147,7 @@ def _closed_loop_time(asked: float | None, usual: float) -> float:
         return _check.real("closed_loop_time", asked, above=0.0)
     if usual == 0:
         raise ValueError(
-            "closed_loop_time must be given to classical.simc: the model has no effective dead time to take it from; "
-            "in pidalab.tune give the sample_time, half of which is dead time"
+            "closed_loop_time must be given: the model has no effective dead time; in pidalab.tune give sample_time"
         )
     return usual
 
@@ -194,8 +189,8 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     den = np.trim_zeros(model.den, "b")
     integrators = model.den.size - den.size
     poles, zeros = roots(den), roots(model.num)
-    found = np.concatenate([poles, zeros])
-    if integrators > 2 or np.any(poles.real >= 0) or np.any(np.abs(found.imag) > OSCILLATING * np.abs(found)):
+    both = np.concatenate([poles, zeros])
+    if integrators > 2 or np.any(poles.real >= 0) or np.any(np.abs(both.imag) > OSCILLATING * np.abs(both)):
         raise ValueError(
             f"model must have real zeros, real stable poles and at most two integrators, found {model!r}"
         )
@@ -225,29 +220,29 @@ def _without_leads(
     for lead in leads:
         longer = min((lag for lag in lags if lag >= lead), default=math.inf)
         shorter = max((lag for lag in lags if lag < lead), default=0.0)
-        near = shorter > 0 and lead / shorter < min(longer / lead, CLOSE_LAG)
-        if near or (math.isinf(longer) and not integrators):  # T1, T1a, T1b
+        cancels = shorter > 0 and lead / shorter < min(longer / lead, CLOSE_LAG)
+        if cancels or (math.isinf(longer) and not integrators):  # T1, T1a, T1b
             lags.remove(shorter)
             gain *= lead / shorter if shorter >= delay else max(lead / delay, 1.0)
             continue
         kept = min(longer, max(5 * delay, lead))  # T3; equal to the lead in T2
-        rest = kept - lead
+        left_over = kept - lead
         if math.isinf(longer):
             integrators -= 1
             gain *= kept
         else:
             lags.remove(longer)
             gain *= kept / longer
-        lags += [rest] if rest > 0 else []
+        lags += [left_over] if left_over > 0 else []
     return gain, sorted(lags, reverse=True), integrators
 
 
 def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep: int) -> Reduced:
     """Add half of the largest neglected lag to the smallest kept one, all the rest to the dead time."""
     split = max(keep - integrators, 0)
-    kept, rest = lags[:split], lags[split:]
-    if rest:
+    kept, neglected = lags[:split], lags[split:]
+    if neglected:
         if kept:  # added to an integrator it has no effect
-            kept[-1] += rest[0] / 2
-        dead += sum(rest) - rest[0] / 2
+            kept[-1] += neglected[0] / 2
+        dead += sum(neglected) - neglected[0] / 2
     return Reduced(gain, tuple(kept), dead, integrators)

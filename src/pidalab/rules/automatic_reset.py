@@ -235,9 +235,7 @@ def tune(
     filter_time = _check.real("filter_time", filter_time, above=0.0)
     weight = _check.real("weight", weight)
     if weight != 0 and not 0.5 <= weight <= 1:
-        raise ValueError(
-            f"weight must be from 0.5 to 1, or 0 if the model contains the filter; found {weight:g}"
-        )
+        raise ValueError(f"weight must be 0, or from 0.5 to 1, found {weight:g}")
     cancelled = _check.integer("cancelled", cancelled, at_least=0, at_most=1)
     te = n * weight * filter_time
     delay = dead_time + te

@@ -31,7 +31,6 @@ from typing import Any
 from pidalab import _check
 from pidalab._text import WITHOUT_ACCELERATION
 from pidalab.controllers import PIDA
-from pidalab.loop import Loop
 from pidalab.process import Process, require_process
 from pidalab.rules._design import Design
 from pidalab.rules._simc import improved_simc, simc
@@ -48,7 +47,6 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-INSIDE_BORDER = 0.999  # fraction of the ultimate gain that must be stable
 # PI and PID: kp a with a = K L/T, ti/L for load and ti/T for setpoint, td/L
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
@@ -206,13 +204,7 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
     """
     from pidalab.reduction import ultimate_frequency
 
-    require_process("process", process)
-    try:
-        w = ultimate_frequency(process)
-    except ValueError:
-        if process.den[-1] != 0:
-            raise
-        w = _oscillation(process)  # with several integrators the phase at the ultimate frequency differs
+    w = ultimate_frequency(process)
     ultimate, period = float(1 / abs(process(1j * w))) * math.copysign(1.0, process.gain()), 2 * math.pi / w
     pi, pid = (0.45 * ultimate, period / 1.2, 0.0), (0.6 * ultimate, period / 2, period / 8)
     source = "Ziegler and Nichols (1942), ultimate sensitivity"
@@ -289,26 +281,6 @@ def _design(model: Process, kind: str, pi: Settings, pid: Settings, source: str,
     _check.choice("kind", kind, WITHOUT_ACCELERATION)
     kp, ti, td = pi if kind == "PI" else pid
     return Design(model, PIDA(kp, ti, td), source=source, info=info)
-
-
-def _oscillation(process: Process) -> float:
-    """Return the ultimate frequency of an integrating process, or raise."""
-    from pidalab.robustness.margins import phase_crossovers
-    from pidalab.robustness.poles import is_stable
-
-    sign = math.copysign(1.0, process.gain())
-    found = phase_crossovers(Loop(process, sign))
-    # at the ultimate gain, a slightly smaller gain is stable
-    borders = [
-        w for w in found.tolist() if is_stable(Loop(process, sign * INSIDE_BORDER / abs(process(1j * w))))
-    ]
-    if not borders:
-        raise ValueError(
-            "process must have a border of stability under feedback by a gain alone: "
-            + ("its phase never reaches -180 degrees" if not found.size else "no gain makes it stable")
-            + f"; found {process!r}"
-        )
-    return float(borders[0])
 
 
 def _lag_or_integrator(model: Process) -> tuple[bool, float, float, float]:

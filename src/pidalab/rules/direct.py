@@ -161,7 +161,5 @@ def _from_gains(
     tau_d = kd / kp if kp / ki > 0 else math.nan
     acceleration = ka / kp + alpha_d * tau_d**2 if tau_d > 0 else math.nan
     if not acceleration > 0:
-        raise ValueError(
-            f"alpha_d is too large for this model, found {alpha_d:g}: a gain would have the wrong sign"
-        )
+        raise ValueError(f"alpha_d must be smaller for this model, found {alpha_d:g}")
     return NonInteractivePIDA(kp, kp / ki, tau_d, math.sqrt(2 * acceleration), alpha_d, alpha_a)

@@ -10,8 +10,7 @@ from pidalab import _check
 from pidalab.controllers import PIDA, Fraction
 from pidalab.loop import Loop
 from pidalab.process import Process, binomial
-from pidalab.robustness.gain import gain_for_ms
-from pidalab.robustness.margins import gain_crossovers
+from pidalab.robustness.margins import gain_crossovers, gain_for_ms
 from pidalab.rules._design import Design
 from pidalab.rules.models import lags
 
@@ -274,9 +273,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
         raise TypeError(f"controller must be a PIDA, found {type(controller).__name__}")
     crossovers = gain_crossovers(Loop(model, controller))
     if crossovers.size != 1:
-        raise ValueError(
-            f"the loop must have one gain crossover, found {crossovers.size}: {crossovers.round(4).tolist()}"
-        )
+        raise ValueError(f"the loop must have one gain crossover, found {crossovers.round(4).tolist()}")
     return OutputFilter(float(FILTER_RATIO / crossovers[0]), 2 if controller.ta else 1, float(crossovers[0]))
 
 
@@ -288,9 +285,8 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
     if model.excess_gain > MOST_EXCESS_GAIN:
         raise ValueError(
-            f"model misses its record: the gain of the record exceeds that of the model by up to "
-            f"{100 * model.excess_gain:.0f} % near the crossover, and {100 * MOST_EXCESS_GAIN:g} % is allowed. The "
-            "loop may be unstable. Use pidalab.identification.fit, or pass model.process to tune anyway"
+            f"model misses its record, whose gain is higher by up to {100 * model.excess_gain:.0f} %, and "
+            f"{100 * MOST_EXCESS_GAIN:g} % is allowed; use identification.fit, or pass model.process to tune anyway"
         )
     return model.process
 

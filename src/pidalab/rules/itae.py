@@ -399,18 +399,14 @@ def _pida(
     f_d, f_a = factors(model) if pair is None else _check.pair("factors", "f_d and f_a", pair)
     f_d, f_a = _check.real("f_d", f_d), _check.real("f_a", f_a, at_least=0.0)
     if not -2 / m.ratio < f_d < 1:
-        raise ValueError(
-            f"f_d must leave dead time and time constant of the changed model above 0, found {f_d!r}"
-        )
+        raise ValueError(f"f_d must be between {-2 / m.ratio:.4g} and 1, found {f_d!r}")
     changed = m._replace(delay=m.delay * (1 - f_d), tau=m.tau + 0.5 * m.delay * f_d)
     try:
         kc, tau_i, tau_d = table(changed)
     except ArithmeticError:  # overflow, or a pole of a formula
         kc = tau_i = tau_d = math.nan
     if not min(kc * m.gain, tau_i, tau_d) > 0:
-        raise ValueError(
-            f"f_d = {f_d:g} takes the changed model to r = {changed.ratio:g}, where the table does not hold"
-        )
+        raise ValueError(f"f_d = {f_d:g} leads to r = {changed.ratio:g}, where the table does not hold")
     return NonInteractivePIDA(kc, tau_i, tau_d, tau_d * f_a, alpha_d, alpha_a)
 
 

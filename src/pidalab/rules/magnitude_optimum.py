@@ -277,16 +277,15 @@ def tune_for_noise(
     scale = _time_scale(plain)
     time = start = scale / 20 if first is None else _check.real("first", first, above=0.0)
     for _ in range(MOST_UPDATES if updates is None else _check.integer("updates", updates, at_least=1)):
-        before, top = time, float(_solved(series.lagged(plain, time, n), m)[-1])
-        time = filter_time(top, m, n, noise_gain, sample_time)
+        before, highest_gain = time, float(_solved(series.lagged(plain, time, n), m)[-1])
+        time = filter_time(highest_gain, m, n, noise_gain, sample_time)
         if updates is None and not 1e-10 * scale < time < 1e5 * max(scale, start):
             break
         if updates is None and abs(time - before) <= 1e-12 * time:
             return tune(model, m, n, time)
     if updates is None:
         raise ValueError(
-            f"noise_gain = {noise_gain:g} gives no filter time with PID_{n}^{m}: from {start:.3g} it came to "
-            f"{time:.3g} without settling" + NO_LIMIT * (n == m)
+            f"noise_gain = {noise_gain:g} gives no filter time with PID_{n}^{m}" + NO_LIMIT * (n == m)
         )
     return tune(model, m, n, time)
 
@@ -345,15 +344,14 @@ def tune_for_filter_noise(
 
     def excess(log_time: float) -> float:
         time = math.exp(log_time)
-        found = [float(gain) for gain in _solved(series.lagged(plain, time, n), m)]
-        ratio = filtered_noise_gain(found, time, n, float(plain[0]), sample_time) / wanted
+        filtered_gains = [float(gain) for gain in _solved(series.lagged(plain, time, n), m)]
+        ratio = filtered_noise_gain(filtered_gains, time, n, float(plain[0]), sample_time) / wanted
         return math.log(max(ratio, sys.float_info.min))  # 0 where K_0 of a PI controller changes its sign
 
     low, high = _bracket(excess, math.log(_time_scale(plain) / 20))
     if high is None:
         raise ValueError(
-            f"no filter time for noise_gain = {noise_gain:g} with PID_{n}^{m}: at {math.exp(low):.3g} it is "
-            f"{noise_gain * math.exp(excess(low)):.4g}, and nearly constant" + NO_LIMIT * (n == m)
+            f"noise_gain = {noise_gain:g} gives no filter time with PID_{n}^{m}" + NO_LIMIT * (n == m)
         )
     return tune(model, m, n, math.exp(brentq(excess, low, high, xtol=1e-13)))
 
@@ -378,8 +376,8 @@ def filtered_noise_gain(
 ) -> float:
     """Return the H2 norm of the sampled form of eq. (21), for held noise."""
     h = _check.real("sample_time", sample_time, above=0.0)
-    top = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
-    A, b, c, d = discretise(np.array(top[::-1]), binomial(filter_time, n), h)
+    numerator = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
+    A, b, c, d = discretise(np.array(numerator[::-1]), binomial(filter_time, n), h)
     spread = c @ solve_discrete_lyapunov(A, np.outer(b, b)) @ c if b.size else 0.0
     return math.sqrt(spread + d**2)
 
@@ -387,13 +385,13 @@ def filtered_noise_gain(
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
     """Raise unless the loop is known to be stable."""
     try:
-        found = "" if is_stable(loop) else "is unstable"
+        verdict = "" if is_stable(loop) else "is unstable"
     except ArithmeticError as reason:
-        found = f"may be unstable ({reason})"
-    if found:
+        verdict = f"may be unstable ({reason})"
+    if verdict:
         raise ValueError(
-            f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {loop.process!r} {found}: the magnitude optimum "
-            "shapes low frequencies only; take a lower m or a longer filter (areas as model give the gains anyway)"
+            f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {loop.process!r} {verdict}; take a lower m "
+            "or a longer filter (areas as model give the gains anyway)"
         )
 
 
@@ -402,8 +400,8 @@ def _require_sure(share: Array, m: int) -> None:
     if not np.max(share) < UNSURE:
         worst = int(np.argmax(share))
         raise ValueError(
-            f"model: the record does not support m = {m}; it leaves K_{worst - 1} uncertain by "
-            f"{100 * share[worst]:.3g} %, and {100 * UNSURE:g} % is allowed; take a lower m, or a better record"
+            f"model: the record leaves K_{worst - 1} uncertain by {100 * share[worst]:.3g} % with m = {m}, and "
+            f"{100 * UNSURE:g} % is allowed; take a lower m, or a better record"
         )
 
 
@@ -412,8 +410,7 @@ def _require_sign(controller: HighOrderPID, model: MeasuredAreas) -> None:
     integral = controller.coefficients[0]
     if integral * model.gain <= 0:
         raise ValueError(
-            f"model: with m = {len(controller.coefficients) - 2} the record gives K_-1 = {integral:.4g}, whose sign is "
-            f"not that of the gain A_0 = {model.gain:.4g}: the loop would be unstable; take another m or another filter"
+            f"model: K_-1 = {integral:.4g} must have the sign of A_0 = {model.gain:.4g}; take another m or filter"
         )
 
 
@@ -421,17 +418,17 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
     """Return the 2m + 4 areas that order m needs, as fractions, or raise."""
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
-        found = exact(model, need)
+        areas = exact(model, need)
     elif isinstance(getattr(model, "process", None), Process):  # its numbers would pass for areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
-        found = series.fractions(_check.vector("model", values))
-    if len(found) < need:
-        raise ValueError(f"model must have at least 2m + 4 = {need} areas for m = {m}, found {len(found)}")
-    if not found[0]:
+        areas = series.fractions(_check.vector("model", values))
+    if len(areas) < need:
+        raise ValueError(f"model must have at least 2m + 4 = {need} areas for m = {m}, found {len(areas)}")
+    if not areas[0]:
         raise ValueError("model must have a static gain A_0 other than 0, found 0: integral action needs one")
-    return found[:need]
+    return areas[:need]
 
 
 def _time_scale(areas: Sequence[Fraction]) -> float:
@@ -454,8 +451,7 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
     result = series.solve(matrix, [Fraction(-1, 2), *[Fraction(0)] * (size - 1)])
     if result is None:
         raise ValueError(
-            f"the areas leave the gains for m = {m} undetermined (singular matrix): a controller of this order can "
-            "cancel all poles of process and filter, so its gain has no optimum; take a lower m or a higher n"
+            f"the areas leave the gains for m = {m} undetermined (singular matrix); take a lower m or a higher n"
         )
     return result
 
@@ -466,7 +462,7 @@ def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Se
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
     largest = [max(map(abs, row)) for row in scaled]
-    matrix = np.array([[float(x / top) for x in row] for row, top in zip(scaled, largest, strict=True)])
+    matrix = np.array([[float(x / unit) for x in row] for row, unit in zip(scaled, largest, strict=True)])
     moved = np.zeros((size, len(areas)))  # of each condition, by the step of each area
     for r in range(size):
         for c in range(min(size, 2 * r + 2)):
@@ -480,12 +476,12 @@ def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Se
 
 def _require_digits(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> None:
     """Raise if rounding each area to double precision would spoil a gain."""
-    m, whole = len(gains) - 2, np.abs(_sensitivity(areas, gains, areas))
-    error = float(np.max(whole.sum(axis=1))) * np.finfo(float).eps / 2
+    m, changes = len(gains) - 2, np.abs(_sensitivity(areas, gains, areas))
+    error = float(np.max(changes.sum(axis=1))) * np.finfo(float).eps / 2
     if not error < LOST:
         raise ValueError(
-            f"the areas leave the gains for m = {m} ill-conditioned: rounding them in the 16th digit may change a gain "
-            f"by {100 * error:.2g} %, and {100 * LOST:g} % is allowed; take a lower m or a higher n"
+            f"the areas leave the gains for m = {m} ill-conditioned: rounding may change one by {100 * error:.2g} %, "
+            f"and {100 * LOST:g} % is allowed; take a lower m or a higher n"
         )
 
 

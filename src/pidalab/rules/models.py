@@ -63,9 +63,7 @@ def second_order(model: Process) -> SecondOrder:
         raise ValueError(f"damping of the model must be from 0.3 to 2, found {damping:.6g}")
     result = SecondOrder(gain, tau, damping, model.delay)
     if not 0.1 <= result.ratio <= 2:
-        raise ValueError(
-            f"dead time / time constant of the model must be from 0.1 to 2, found {result.ratio:.6g}"
-        )
+        raise ValueError(f"delay/tau of the model must be from 0.1 to 2, found {result.ratio:.6g}")
     return result
 
 

@@ -103,10 +103,10 @@ def constants(m: int) -> Constants:
 
 def _coefficient(m: int, j: int) -> float:
     """Return the coefficient of x^j in N(x)."""
-    mu, rest = math.sqrt(m + 2), m + 1 - j
+    mu, order = math.sqrt(m + 2), m + 1 - j
     a = mu**2 - mu
-    head = (mu + j - 1) * a ** (rest + 1) / math.factorial(rest)
-    tail = math.fsum(a**i / math.factorial(i) for i in range(rest + 1))
+    head = (mu + j - 1) * a ** (order + 1) / math.factorial(order)
+    tail = math.fsum(a**i / math.factorial(i) for i in range(order + 1))
     return math.exp(-a) / math.factorial(j) * (head - j * (j - 1) * tail)
 
 

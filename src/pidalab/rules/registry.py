@@ -31,7 +31,7 @@ from pidalab.areas import from_process
 from pidalab.process import Process
 from pidalab.relative_noise import sampled_noise
 from pidalab.requirements import Requirements
-from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, migo, mrdp
+from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, mrdp
 from pidalab.rules._design import Design
 
 DEFAULT = Requirements()
@@ -116,7 +116,7 @@ class Rule:
         """
         if kind not in self.models:
             raise ValueError(
-                f"kind must be {' or '.join(map(repr, self.kinds))} for the rule {self.name!r}, found {kind!r}"
+                f"kind must be {' or '.join(map(repr, self.kinds))} for {self.name!r}, found {kind!r}"
             )
         return self.design(model, kind, requirements)
 
@@ -170,19 +170,16 @@ def _textbook(
 
 def _itae(test: str) -> Rule:
     source, models = "heo2023, Table 1 and eqs. (9) and (12)", dict.fromkeys(("PID", "PIDA"), "second_order")
-    return Rule(f"itae {test}", source, models, _call_with_kind(itae.tune, test), _short("itae", test))
+    return Rule(f"itae {test}", source, models, _call_with_kind(itae.tune, test), "itae" * (test == "load"))
 
 
 def _direct(test: str) -> Rule:
-    source, models = "fitted to optima, not from a paper", {"PIDA": "second_order"}
-    return Rule(
-        f"direct {test}", source, models, lambda model, *_: direct.tune(model, test), _short("direct", test)
+    source, models, short = (
+        "fitted to optima, not from a paper",
+        {"PIDA": "second_order"},
+        "direct" * (test == "load"),
     )
-
-
-def _short(name: str, test: str) -> str:
-    """Return the short name of a rule for two tests, which is that for the load."""
-    return name if test == "load" else ""
+    return Rule(f"direct {test}", source, models, lambda model, *_: direct.tune(model, test), short)
 
 
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
@@ -203,9 +200,7 @@ def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Desig
 def _mrdp(model: Process, kind: str, limits: Requirements) -> Design:
     m = ORDER[kind]
     if model.delay == 0:
-        raise ValueError(
-            "model must have a dead time for the rule 'mrdp', whose times are shares of it, found delay = 0"
-        )
+        raise ValueError("model must have a dead time for the rule 'mrdp', found delay = 0")
     share = max(FILTER_SHARE, 1.2 * mrdp.smallest_te(m, m + 1))
     return mrdp.tune(model, m, m + 1, share * model.delay)
 
@@ -249,14 +244,6 @@ RULES: dict[str, Rule] = {
             compared=False,
         ),
         _textbook("amigo", classical.amigo, "reaction", "Åström and Hägglund (2004), AMIGO"),
-        Rule(
-            "migo",
-            "Åström and Hägglund (2004), MIGO",
-            dict.fromkeys(("PI", "PID"), "process"),
-            lambda model, kind, limits: migo.tune(model, kind, m=limits.ms),
-            compared=False,
-            knows_ms=True,
-        ),
         _textbook("lambda", classical.lambda_tuning, "reaction", "Åström and Hägglund (2006), section 6.5"),
         _textbook(
             f"{ZN} step", classical.ziegler_nichols_step, "integrator", f"{ZN_1942}, process reaction curve"

@@ -318,7 +318,7 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
         y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
         # noise is defined by its samples: there is no finer grid
         finer, speed = (
-            (partial(_respond_finer, loop, t, r, d), partial(_speed, loop)) if quiet else (None, None)
+            (partial(_respond_finer, loop, t, r, d), partial(fastest_pole, loop)) if quiet else (None, None)
         )
         responses.append(Response._of_engine(finer, speed, t=t, r=r, d=d, n=n, y=y, u=u, area=area))
         _require_within_limits(loop, responses[-1])
@@ -340,12 +340,6 @@ def _respond_finer(loop: Loop, t: Array, r: Array, d: Array) -> Response:
         for held in (r, d)
     )
     return respond(loop, finer, r, d, [np.broadcast_to(0.0, finer.size)])[0]
-
-
-def _speed(loop: Loop) -> float:
-    from pidalab.simulation.realisation import fastest_pole
-
-    return fastest_pole(loop)
 
 
 def _superpose(unit: Array, signal: Array, t: Array) -> Array:
@@ -375,8 +369,8 @@ def _require_within_limits(loop: Loop, response: Response) -> None:
     if outside.size:
         i = int(outside[0])
         raise ValueError(
-            f"the exact engine is linear, and the control signal leaves the controller's limits ({low:g}, {high:g}): "
-            f"u = {response.u[i]:.4g} at t = {response.t[i]:.4g}"
+            f"u must stay within the controller's limits ({low:g}, {high:g}), found {response.u[i]:.4g} "
+            f"at t = {response.t[i]:.4g}; use simulate_sampled"
         )
 
 
@@ -510,8 +504,7 @@ def simulate_until_settled(
             response = simulate(loop, np.linspace(0.0, end, SETTLING_POINTS))
         except ManyDeadTimes:
             raise ValueError(
-                f"the loop needs {end:.3g} to come to rest, {end / loop.process.delay:.3g} times the dead time of its "
-                "process: too many to follow one after the other; leave out such a short dead time"
+                f"the loop needs {end / loop.process.delay:.3g} dead times to settle, too many; leave out the dead time"
             ) from None
         try:
             response.iae(horizon=math.inf)

@@ -78,16 +78,15 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
         For too many dead times, for a loop that remembers too many of them, and for numbers that overflow.
     """
     intervals = _intervals(cut, n, step)
-    result, depth, status = _responses(cut, step, n, intervals, norm)
+    result, _, status = _responses(cut, step, n, intervals, norm)
     if status == TOO_LARGE:
         raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
     if status == TOO_MANY:
         raise ManyDeadTimes(_too_many((n - 1) * step / cut.delay))
     if status == TOO_DEEP:
         raise ValueError(
-            f"the loop still remembers what happened {depth} dead times ago (|L| is near 1 or above at "
-            f"infinite frequency), which can be followed over {MAX_STACK // cut.x0.shape[0]} dead times and not "
-            f"over {(n - 1) * step / cut.delay:.0f}; shorten t"
+            f"t must span at most {MAX_STACK // cut.x0.shape[0]} dead times for a loop with |L| near 1 at infinite "
+            f"frequency, found {(n - 1) * step / cut.delay:.0f}; shorten t"
         )
     return result
 
@@ -200,8 +199,7 @@ def _responses(cut, step, n, intervals, norm):
     # What the outputs read of a stack, and the ages that are needed to carry it there. One run serves all times of an
     # interval if it is at most half as long again, since that spares a second stack.
     run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**run_bits else 2**run_bits
-    rows = output_rows(cut.C, cut.direct, Cv, D, cut.settled_u, most, run, powers, -low)
-    outputs = rows.shape[1] // run
+    rows = output_rows(cut.C, cut.direct, Cv, D, most, run, powers, -low)
     read = rows.shape[0] // size
     if read == most and most < intervals + 1:
         return result, most, TOO_DEEP
@@ -267,17 +265,7 @@ def _responses(cut, step, n, intervals, norm):
                 add_rows(out, stack[(ages_left - used) * size :], rows, (read - used) * size, 0)
                 for m in range(min(run, last - begin)):
                     for q in range(3):
-                        result[i, q, begin + m] = out[outputs * m + q]
-                    if outputs > 3 and distance + step * (begin + m - first) > cut.settling:
-                        result[i, 2, begin + m] = out[outputs * m + 3]
-                if outputs > 3 and distance == 0.0 and begin == first and k > 0:
-                    # A jump at a multiple moves the fast part only after it, so just there the oldest states count too.
-                    settled_u = 0.0
-                    for j in range(size if ages_left == k + 1 else 0, ages_left * size):
-                        place = j - ages_left * size + read * size
-                        if place >= 0:
-                            settled_u += stack[j] * rows[place, 3]
-                    result[i, 2, begin] = settled_u
+                        result[i, q, begin + m] = out[3 * m + q]
         if work > MAX_WORK:
             return result, most, TOO_MANY
         first = last

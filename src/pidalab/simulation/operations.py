@@ -82,19 +82,19 @@ class _Compiler:
 
     def statements(self, body: Sequence[Statement], mask: int | None) -> None:
         """Add the operations of statements, which take effect where the number at `mask` is not 0."""
-        for one in body:
+        for statement in body:
             kept = self.free
-            if isinstance(one, Set) and one.target not in FOR_OTHERS:
-                self.assign(one.target, self.value(ast.parse(one.value, mode="eval").body), mask)
-            elif isinstance(one, If):
-                condition = self.value(ast.parse(one.condition, mode="eval").body)
+            if isinstance(statement, Set) and statement.target not in FOR_OTHERS:
+                self.assign(statement.target, self.value(ast.parse(statement.value, mode="eval").body), mask)
+            elif isinstance(statement, If):
+                condition = self.value(ast.parse(statement.condition, mode="eval").body)
                 if isinstance(condition, bool):
-                    self.statements(one.then if condition else one.otherwise, mask)
+                    self.statements(statement.then if condition else statement.otherwise, mask)
                 else:
                     then = condition if mask is None else self.emit(MULTIPLY, mask, condition)
                     otherwise = self.emit(SUBTRACT, self.places["1.0"] if mask is None else mask, then)
-                    self.statements(one.then, then)
-                    self.statements(one.otherwise, otherwise)
+                    self.statements(statement.then, then)
+                    self.statements(statement.otherwise, otherwise)
             self.free = kept
 
     def assign(self, name: str, value: int | bool, mask: int | None) -> None:

@@ -63,13 +63,12 @@ class Bank(NamedTuple):
             shape = np.broadcast_shapes(*shapes)
         except ValueError:
             raise ValueError(
-                f"parameters must have shapes that can be broadcast together, found {sorted(set(shapes))}"
+                f"parameters must broadcast together, found shapes {sorted(set(shapes))}"
             ) from None
         sets = math.prod(shape)
         if sets > MOST_SETS:
             raise MemoryError(
-                f"a grid of shape {shape} has {sets:.3g} sets, and {MOST_SETS:.0e} are allowed; take one portrait "
-                "after the other"
+                f"parameters must have at most {MOST_SETS:.0e} sets, found shape {shape}; take several portraits"
             )
         require_fine_enough(h, float(values["filter_time"].min()) if own.filter_order else math.inf)
         _require_stable(den)
@@ -80,10 +79,6 @@ class Bank(NamedTuple):
     def shape(self) -> tuple[int, ...]:
         """Shape of the grid."""
         return self.den[0].shape
-
-    def static_gain(self) -> Array:
-        """Return the static gain of the prefilters."""
-        return np.asarray(self.num[-1] / self.den[-1])
 
     def part(self, places: Any) -> Bank:
         """Return the sets at some places in flat order."""
@@ -101,9 +96,7 @@ class Bank(NamedTuple):
 def _differing(own: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """Check the parameters that differ, by the controller's own checks."""
     if not hasattr(parameters, "keys"):
-        raise TypeError(
-            f"parameters must be a mapping or a DataFrame of arrays by name, found {type(parameters).__name__}"
-        )
+        raise TypeError(f"parameters must be a mapping of arrays by name, found {type(parameters).__name__}")
     values = {}
     # not what iterates: a Series of pandas has its values there
     for name, given in dict(parameters).items():
@@ -133,9 +126,7 @@ def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], 
 def _require_stable(den: list[Array]) -> None:
     """Raise for a prefilter that is unstable, or of lower order than its coefficients are many."""
     if np.any(den[0] == 0) or np.any(den[-1] == 0):
-        raise ValueError(
-            "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
-        )
+        raise ValueError("prefilter must have a denominator without 0 at its ends, found 0")
     if len(den) > 1:
         each = np.stack(np.broadcast_arrays(*den), axis=-1)
         poles = np.linalg.eigvals(_companion(each / each[..., :1]))
@@ -166,19 +157,19 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
         min(h, 1.0), "zoh", limits=limits
     )
     path = any_gains.paths[0]._replace(gains=(1.0,) * (n + 1))
-    made = program(replace(any_gains, paths=(path,)))
-    code, places, numbers = operations(made, {**made.states, "started": True})
+    step = program(replace(any_gains, paths=(path,)))
+    code, places, numbers = operations(step, {**step.states, "started": True})
     table = np.repeat(numbers[:, None], kp.size, axis=1)
     name = part_name(0).upper()
     table[[places[f"{name}_GAIN_{k}"] for k in range(n + 1)]] = gains.T
     table[places["INTEGRAL_OLD"]] = -np.expm1(-h / ti)
     if n:
         table[places[f"{name}_OLD"]] = -np.expm1(-h / time)
-    whole = (table, *_prefilter(bank, h))
+    arrays = (table, *_prefilter(bank, h))
     # cut into groups that lie together in memory
     for start in range(0, kp.size, sampled_lanes.LANES):
         yield Controllers(
-            code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in whole)
+            code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in arrays)
         )
 
 
@@ -341,13 +332,12 @@ def _state_of_rest(
     num, den = loop.process.num[-1], loop.process.den[-1]
     if num == 0:
         raise ValueError(f"the process must have a static gain other than 0, found {loop.process!r}")
-    y = r * bank.static_gain()
+    y = r * np.asarray(bank.num[-1] / bank.den[-1])
     u = y * den / num - d
     low, high = limits
     if np.any((u < low) | (u > high)):
         raise ValueError(
-            f"no state of rest: a set point of {r:g} and a load of {d:g} need u from {np.min(u):.4g} to "
-            f"{np.max(u):.4g}, and the limits are ({low:g}, {high:g})"
+            f"limits must hold the final u from {np.min(u):.4g} to {np.max(u):.4g}, found ({low:g}, {high:g})"
         )
     return y, u
 

@@ -126,18 +126,11 @@ def largest(values):
     return result
 
 
-def _add_arrays(out, element):
-    """As `add`."""
-    wide = min(out.shape[1], element.shape[1])
-    out[:, :wide] += element[:, :wide]
-
-
-@plain(_add_arrays)
+@compiled
 def add(out, element):
     """Add a ring element that is no longer than the other one, or the beginning of one that is."""
-    for i in range(out.shape[0]):
-        for j in range(min(out.shape[1], element.shape[1])):
-            out[i, j] += element[i, j]
+    wide = min(out.shape[1], element.shape[1])
+    out[:, :wide] += element[:, :wide]
 
 
 @compiled
@@ -157,7 +150,14 @@ def shortened(element, share):
 
 @compiled
 def taylor(tau, most, A, B, Cv, D):
-    """Return the exponential less 1 by its power series, over a time no longer than the lowest power."""
+    """Return the exponential less 1 by its power series, over a time no longer than the lowest power.
+
+    Notes
+    -----
+    `term` is (tau A(z))^n / n! and `total` the sum of all terms so far, less 1. The next term is the product with
+    A(z) = A + B z (1 - D z)^-1 Cv: `v` is what the dead time hands on from the age before, and D sends a part of it
+    round once more. So a term reaches one age further than the one before, or as far as allowed if D is not 0.
+    """
     order, channels = B.shape
     term = np.eye(order)  # transposed here: columns are states, since A has many zeros
     total = np.zeros((order, order))
@@ -241,7 +241,13 @@ def product(first, second, most):
 
 @compiled
 def ladder(A, B, Cv, D, norm, step, top, most):
-    """Return the powers, exponentials less 1 over step 2^p up to p = top, and the lowest p; none if they overflow."""
+    """Return the powers, exponentials less 1 over step 2^p up to p = top, and the lowest p; none if they overflow.
+
+    Notes
+    -----
+    The lowest p is the first at which norm step 2^p is at most 1/2, where the series holds. Each further power is the
+    square of the one before, so that `powers[i]` always spans step 2^(low + i).
+    """
     powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
         return powers, 0
@@ -256,7 +262,13 @@ def ladder(A, B, Cv, D, norm, step, top, most):
 
 @compiled
 def transition(powers, step, low, tau, most, A, B, Cv, D):
-    """Return the exponential less 1 over tau, as a product of powers and one Taylor series."""
+    """Return the exponential less 1 over tau, as a product of powers and one Taylor series.
+
+    Notes
+    -----
+    `times[p]` and `tau` always add up to the given time. The powers take away what they can, the longest first, until
+    less than the lowest one is left, which the series spans. What rounding leaves counts as nothing.
+    """
     dust = 8.0 * 2.0**-52 * tau  # what rounding leaves of a multiple of the step
     times = np.zeros(len(powers), dtype=np.int64)
     for p in range(len(powers) - 1, -1, -1):

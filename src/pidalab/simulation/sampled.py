@@ -146,13 +146,13 @@ def simulate_sampled(
     steps = plant_steps(loop.process if plant is None else plant, h, actuator)
     reference = filtered(discretise(*loop.blocks["prefilter"], h), r)
     if loop.digital is None:
-        block, own = sampled_controller(loop, h, at_rest, anti_windup)
-        made = program(own, block=True)
-        code, _, numbers = operations(made, made.states)
+        block, k = sampled_controller(loop, h, at_rest, anti_windup)
+        step = program(k, block=True)
+        code, _, numbers = operations(step, step.states)
     else:
-        block, own = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
-        code, _, numbers = operations(program(own), own.at_rest())
-    rest = own.y_offset, own.bias
+        block, k = NO_BLOCK, _limited(loop.digital, h, at_rest, anti_windup)
+        code, _, numbers = operations(program(k), k.at_rest())
+    rest = k.y_offset, k.bias
     y, u, area = run(code, numbers[:, None], block, rest, steps, actuator, fineness, reference, d, n)
     lost = ~np.isfinite([y, u, area]).all(axis=0)
     if lost.any():
@@ -168,8 +168,7 @@ def _limited(
     """Check that a digital controller fits the step of time, and give it the limits, which count from rest."""
     if abs(h - k.sample_time) > 1e-6 * k.sample_time:
         raise ValueError(
-            f"t must have the sample time of the digital controller, {k.sample_time:.6g}, as its step, found {h:.6g}; "
-            "discretise the controller for the step of t"
+            f"t must have the step of the digital controller, {k.sample_time:.6g}, found {h:.6g}"
         )
     anti_windup_word(anti_windup, (None, k.anti_windup), "for this digital controller")
     low, high = (k.bias + limit for limit in limits)
@@ -182,8 +181,7 @@ def limits_at_rest(own: tuple[float, float], limits: tuple[float, float]) -> tup
     low, high = max(low, own[0]), min(high, own[1])
     if not low <= 0 <= high or low == high:
         raise ValueError(
-            "limits must be (lower, upper) with lower < upper, and hold 0, the control signal at rest "
-            f"(give them as distances from the state of rest); found {limits!r}"
+            f"limits must be lower < upper and hold 0, the control signal at rest, found {limits!r}"
             + (f" and {own!r} of the controller" if np.isfinite(own).any() else "")
         )
     return low, high
@@ -191,17 +189,13 @@ def limits_at_rest(own: tuple[float, float], limits: tuple[float, float]) -> tup
 
 def _conversion(low: float, high: float, quanta: tuple[float, float], widths: int) -> tuple[float, Actuator]:
     """Check what is between controller and plant: the resolution of the measurement, and the actuator."""
-    found = _check.pair("quanta", "of measurement and control signal", quanta)
-    measurement, control = (_check.real(f"quanta[{i}]", each, at_least=0.0) for i, each in enumerate(found))
+    numbers = _check.pair("quanta", "of measurement and control signal", quanta)
+    measurement, control = (_check.real(f"quanta[{i}]", each, at_least=0.0) for i, each in enumerate(numbers))
     widths = _check.integer("pulse_widths", widths, at_least=0)
     if widths and control:
-        raise ValueError(
-            f"pulse_widths = {widths} is a resolution already: quanta[1] must be 0, found {control:g}"
-        )
+        raise ValueError(f"quanta[1] must be 0 with pulse_widths, found {control:g}")
     if widths and not math.isfinite(high - low):
-        raise ValueError(
-            f"pulse_widths needs finite limits to switch between, found limits ({low:g}, {high:g})"
-        )
+        raise ValueError(f"limits must be finite with pulse_widths, found ({low:g}, {high:g})")
     return measurement, Actuator(low, high, control, widths)
 
 
@@ -223,13 +217,10 @@ def sampled_controller(
     if anti_windup is None:
         return discretise(num, den, h), _behind(h, limits)
     if den.size < 2 or den[-1] != 0 or den[-2] == 0 or num[-1] == 0:
-        raise ValueError(
-            f"anti_windup={anti_windup!r} needs a controller with integral action (one pole at 0), found "
-            f"{loop.controller!r}"
-        )
+        raise ValueError(f"anti_windup={anti_windup!r} needs one pole at 0, found {loop.controller!r}")
     ki = num[-1] / den[-2]
-    rest, den = np.polysub(num, ki * den[:-1]), den[:-1]
-    num = rest[:-1] if rest.size > 1 else np.zeros(1)
+    remainder, den = np.polysub(num, ki * den[:-1]), den[:-1]
+    num = remainder[:-1] if remainder.size > 1 else np.zeros(1)
     tracking = _tracking(ki, num[-1] / den[-1], h) if anti_windup == "conditioning" else 0.0
     way = "clamping ahead" if anti_windup == "clamping" else None
     return discretise(num, den, h), _behind(h, limits, integral=ki * h, gain=tracking, anti_windup=way)
@@ -239,7 +230,7 @@ def _behind(
     h: float, limits: tuple[float, float], integral: float = 0.0, gain: float = 0.0, **more: Any
 ) -> DigitalController:
     """Return the digital controller that adds an integral, where it grows, to a given signal, and limits the sum."""
-    rest: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
+    others: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
     return DigitalController(
         sample_time=h,
         method="zoh",
@@ -249,7 +240,7 @@ def _behind(
         back_calculation_gain=gain,
         weights=(1.0, 1.0),
         limits=limits,
-        **rest | more,
+        **others | more,
     )
 
 
@@ -257,8 +248,7 @@ def _tracking(ki: float, kp: float, h: float) -> float:
     """Return how much of u - w the integral of a conditioned controller takes up in a sample."""
     if kp == 0 or not 0 < ki * h / kp < 1:
         raise ValueError(
-            "anti_windup='conditioning' is unstable unless kp/ki is above the sample time: found ki = "
-            f"{ki:.4g}, kp = {kp:.4g} (what C(s) - ki/s is at s = 0) and a sample time of {h:.4g}"
+            f"anti_windup='conditioning' needs kp/ki above the sample time, {h:.4g}, found kp = {kp:.4g}, ki = {ki:.4g}"
         )
     return ki * h / kp
 
@@ -267,22 +257,20 @@ def require_fine_enough(h: float, filter_time: float) -> None:
     """Raise for a sample time above the filter's time constant: derivatives would see single steps only."""
     if h > filter_time * (1 + 1e-6):
         raise ValueError(
-            f"the sample time must be at most the time constant of the controller's filter ({filter_time:.6g}), found "
-            f"{h:.6g}: between two samples such a filter forgets, and a derivative behind it acts on single steps; "
-            "sample faster, filter longer, or close the loop with controller.discretise(sample_time, 'backward'), "
-            "which serves at any sample time"
+            f"the sample time must be at most the filter's time constant, {filter_time:.6g}, found {h:.6g}; sample "
+            "faster, filter longer, or close the loop with controller.discretise(sample_time, 'backward')"
         )
 
 
 def shortest_filter(loop: Loop) -> float:
     """Shortest time constant of the filters in the controller and behind it, infinite without any."""
-    own = isinstance(loop.controller, Controller)
-    found = [part.filter_time for part in loop.controller.parts() if part.filter_order] if own else []
-    for block in ("output_filter",) if own else ("output_filter", "controller"):
+    has_parts = isinstance(loop.controller, Controller)
+    times = [part.filter_time for part in loop.controller.parts() if part.filter_order] if has_parts else []
+    for block in ("output_filter",) if has_parts else ("output_filter", "controller"):
         # the poles of a transfer function are its filters, but for those at 0, the integrators
         poles = roots(loop.blocks[block][1])
-        found += (1 / np.abs(poles[poles != 0])).tolist()
-    return float(min(found, default=math.inf))
+        times += (1 / np.abs(poles[poles != 0])).tolist()
+    return float(min(times, default=math.inf))
 
 
 def _with_reset(
@@ -394,20 +382,20 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
         if late <= FADED * total:
             return largest * math.sqrt(total)
     raise ValueError(
-        f"loop must be stable with sample_time = {h:g}, and fade sooner: {100 * late / total:.3g} % of the squares of "
-        f"u after one pulse of noise come in the second half of {samples} samples"
+        f"loop must be stable with sample_time = {h:g}, and forget a pulse of noise within {samples // 2} samples; "
+        f"{100 * late / total:.3g} % of its squares come later"
     )
 
 
 def _linear(loop: Loop) -> Loop:
     """Return the loop without limits and deadband."""
     require_loop(loop)
-    own, none = loop.controller, (-math.inf, math.inf)
+    k, none = loop.controller, (-math.inf, math.inf)
     if loop.digital is not None:
-        own = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
+        k = replace(loop.digital, limits=none, rate_limit=math.inf, deadband=0.0)
     elif loop.limits != none:
-        own = replace(own, limits=none)
-    return loop if own is loop.controller else Loop(loop.process, own, loop.output_filter, loop.prefilter)
+        k = replace(k, limits=none)
+    return loop if k is loop.controller else Loop(loop.process, k, loop.output_filter, loop.prefilter)
 
 
 def _lengths(loop: Loop, h: float) -> list[int]:
@@ -419,8 +407,7 @@ def _lengths(loop: Loop, h: float) -> list[int]:
     shortest = ECHOES * loop.process.delay / h
     if shortest > LONGEST_TAIL:
         raise ValueError(
-            f"sample_time must be at least {ECHOES * loop.process.delay / LONGEST_TAIL:.3g}, for {ECHOES} dead "
-            f"times in {LONGEST_TAIL} samples, found {h:g}"
+            f"sample_time must be at least {ECHOES * loop.process.delay / LONGEST_TAIL:.3g}, found {h:g}"
         )
     lengths = [max(TAIL_SAMPLES, math.ceil(shortest))]
     while 4 * lengths[-1] <= LONGEST_TAIL:

@@ -43,20 +43,28 @@ step_all = stepper(LANES)
 
 
 @compiled
-def run(own: Controllers, plant: Steps, h: float, reference: Array, load: Array, noise: Array) -> Array:
-    """Run the loops of all lanes and return their measures, shape (measures, LANES)."""
+def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array, noise: Array) -> Array:
+    """Run the loops of all lanes and return their measures, shape (measures, LANES).
+
+    Notes
+    -----
+    At the beginning of sample k, `x` holds the states of all plants at t_k and `f` those of the prefilters. `past` is a
+    ring of the inputs of the plant, as long as the dead time; `slot` is the place of the present one. The measures of
+    an interval are taken at its end, from the values at both ends and the exact integral between them, which is the
+    last state of the plant. Nothing of a response is stored.
+    """
     states = plant.c.size
     # a set point that never leaves 0 keeps its prefilter at rest
-    degree = own.prefilter_gamma.shape[0] if reference.any() else 0
+    degree = bank.prefilter_gamma.shape[0] if reference.any() else 0
     # a ring of the inputs of the plant, as long as its dead time
-    size = plant.ago[0] + 1
+    size = plant.lag_samples[0] + 1
     past = np.zeros((size, LANES))
     slot = 0
     # states of plant and prefilter
     x, x_new = np.zeros((states, LANES)), np.zeros((states, LANES))
     f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
     # signals, their values one sample ago, and what the measures need
-    numbers = own.numbers
+    numbers = bank.numbers
     setpoint, measurement, control = numbers[op.SETPOINT], numbers[op.MEASUREMENT], numbers[op.CONTROL]
     y, y_old = np.zeros(LANES), np.zeros(LANES)
     area_old, u_old = np.zeros(LANES), np.zeros(LANES)
@@ -81,23 +89,23 @@ def run(own: Controllers, plant: Steps, h: float, reference: Array, load: Array,
         area_old[:] = area
 
         # filtered set point, and the prefilter one sample on
-        _scale(own.prefilter_d, reference[k], setpoint)
+        _scale(bank.prefilter_d, reference[k], setpoint)
         if degree:
-            _add_products(own.prefilter_c, f, setpoint)
+            _add_products(bank.prefilter_c, f, setpoint)
             for row in range(degree):
-                _scale(own.prefilter_gamma[row], reference[k], f_new[row])
-                _add_products(own.prefilter_phi[row], f, f_new[row])
+                _scale(bank.prefilter_gamma[row], reference[k], f_new[row])
+                _add_products(bank.prefilter_phi[row], f, f_new[row])
             f, f_new = f_new, f
         for i in range(LANES):
             measurement[i] = y[i] + noise[k]
-        step_all(own.code, numbers)
+        step_all(bank.code, numbers)
         u = past[slot]
         u[:] = control
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
         # the load joins it; then the plant crosses the interval, piece by piece
         u += load[k]
-        for piece in range(plant.ago.size):
-            place = slot - plant.ago[piece]
+        for piece in range(plant.lag_samples.size):
+            place = slot - plant.lag_samples[piece]
             v = past[place + size if place < 0 else place]
             for row in range(states):
                 _scale(v, plant.gamma[piece, 0, row], x_new[row])

@@ -34,7 +34,7 @@ class Steps(NamedTuple):
 
     phi: Array  # (pieces, 2, n, n)
     gamma: Array  # (pieces, 2, n)
-    ago: Array  # (pieces,), how many samples ago the input of the piece was set
+    lag_samples: Array  # (pieces,), how many samples ago the input of the piece was set
     pulse: Array  # (pieces, widths, n), what a pulse from the lower to the upper limit adds to the state
     c: Array  # (n,)
     d: float
@@ -52,8 +52,8 @@ class Actuator(NamedTuple):
 def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
     """Realise a plant; its last state is the running integral of its output."""
     if isinstance(plant, Process):
-        one = realise(plant.num, plant.den)
-        systems, c, d = [(one.A, one.b)] * 2, one.c, one.d
+        system = realise(plant.num, plant.den)
+        systems, c, d = [(system.A, system.b)] * 2, system.c, system.d
     else:
         main, direct = (realise(*rational(name, getattr(plant, name))) for name in ("main", "direct"))
         systems = [_with_store(main, direct, time) for time in (plant.fall, plant.rise)]
@@ -83,36 +83,36 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
     if actuator.widths and (states.d or isinstance(plant, AsymmetricPlant)):
         raise ValueError(f"pulse_widths needs a linear plant without direct feedthrough, found {plant!r}")
     # across each piece of the sample, for both systems of the plant
-    own = pieces(plant.delay, h)
-    across = [[held(A, b, piece.time) for A, b in zip(states.A, states.b, strict=True)] for piece in own]
+    parts = pieces(plant.delay, h)
+    across = [[held(A, b, piece.time) for A, b in zip(states.A, states.b, strict=True)] for piece in parts]
     return Steps(
         phi=np.array([[phi for phi, _ in both] for both in across]),
         gamma=np.array([[gamma for _, gamma in both] for both in across]),
-        ago=np.array([piece.ago for piece in own]),
-        pulse=np.array([_pulses(states, piece.time, piece.since, h, actuator) for piece in own]),
+        lag_samples=np.array([piece.lag_samples for piece in parts]),
+        pulse=np.array([_pulses(states, piece.time, piece.offset, h, actuator) for piece in parts]),
         c=states.c,
         d=states.d,
     )
 
 
-def _pulses(states: PlantStates, time: float, since: float, h: float, actuator: Actuator) -> Array:
-    """Return what pulses of each width add to the state over a piece that begins `since` after the pulse."""
+def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator: Actuator) -> Array:
+    """Return what pulses of each width add to the state over a piece that begins `offset` after the pulse."""
     A, b, widths = states.A[0], states.b[0], actuator.widths
     added = np.zeros((widths + 1, b.size))
     if not widths:
         return added
     # how long each pulse is on within the piece; what an input of 1 makes of all of it, and of one part of a sample
-    on = np.clip(h * np.arange(widths + 1) / widths - since, 0.0, time)
-    whole = held(A, b, time)[1]
+    on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
+    over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
     # a pulse adds the whole piece less the rest after it; the rest grows by one part from each pulse to the shorter one
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
             after = held(A, b, time - on[width])[1] if after is None else phi @ after + gamma
-            added[width] = whole - after
+            added[width] = over_piece - after
         elif on[width] > 0:
-            added[width] = whole
+            added[width] = over_piece
     return (actuator.high - actuator.low) * added
 
 
@@ -202,13 +202,13 @@ def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array
 @compiled
 def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: int) -> tuple[Array, Array]:
     """Take the plant across a sample; returns its new state, and the room of the old one."""
-    for piece in range(plant.ago.size):
-        w = v[at - plant.ago[piece]]
+    for piece in range(plant.lag_samples.size):
+        w = v[at - plant.lag_samples[piece]]
         system = 1 if w > x[0] else 0  # a store that moves towards w does not pass it while w is held
         advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
         x, x_new = x_new, x
         if plant.pulse.shape[1] > 1:
-            x += plant.pulse[piece, width[at - plant.ago[piece]]]
+            x += plant.pulse[piece, width[at - plant.lag_samples[piece]]]
     return x, x_new
 
 
@@ -225,12 +225,19 @@ def run(
     load: Array,
     noise: Array,
 ) -> tuple[Array, Array, Array]:
-    """Run the loop; `reference` is the filtered set point. Returns y, u and the integral of y.
+    """Run the loop for a filtered set point, and return y, u and the integral of y, all counted from rest.
 
-    The controller is a block that acts on the error, and the operations of a step. The loop counts from
-    rest; `rest` is y_offset and bias of the controller's signals.
+    The controller is a block that acts on the error, and the operations of a step. `rest` is y_offset and bias of its
+    signals.
+
+    Notes
+    -----
+    At the beginning of sample k, `x` is the state of the plant at t_k and `z` that of the block; entry `before + k` of
+    `v` and `width` is the input that is set there, with the rest of before t = 0 in front. So the input of a piece is
+    found `lag_samples` entries earlier, and a dead time needs no other memory. A sample is read first, the controller
+    acts, and only then the plant crosses the interval, piece by piece, by its exact transition.
     """
-    n, before = reference.size, plant.ago[0]
+    n, before = reference.size, plant.lag_samples[0]
     y_offset, bias = rest
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
     v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
