@@ -94,7 +94,7 @@ def test_a_gain_of_one_is_no_prefilter():
             "backward",
             "static gain 1, found 2",
         ),
-        ([1.0], [1.0, 0.0], "backward", "static gain 1, .* found inf"),
+        ([1.0], [1.0, 0.0], "backward", "static gain 1, found inf"),
         ([1.0], [-1.0, 1.0], "backward", "prefilter must be stable, found a pole at 1"),
         (
             [1.0],
