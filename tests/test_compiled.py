@@ -96,13 +96,6 @@ def test_short_processes_stay_plain_and_long_ones_use_kept_code(made):
 
 
 @needs_proc
-def test_compiler_ends_with_its_work(made):
-    _, cache = made
-    wait_until(lambda: not compilers(cache), 10)
-    assert not list(cache.glob("compiled-*/attempt-*"))
-
-
-@needs_proc
 def test_killed_compiler_delays_the_next_attempt(tmp_path):
     """Of two processes one starts a compiler, at low priority; nothing restarts it at once after kill -9."""
     starters = [
@@ -126,34 +119,25 @@ def test_killed_compiler_delays_the_next_attempt(tmp_path):
         os.kill(process, signal.SIGKILL)
 
 
-def test_failed_compiler_claims_nothing(tmp_path):
-    """Where numba is switched off or keeps no code the compilation is not complete, and the error says why."""
-    script = "from pidalab.warm_up import main; main()"
-    for variables, message in (
-        (
-            {"NUMBA_DISABLE_JIT": 1, "NUMBA_CACHE_DIR": tmp_path},
-            "numba must be installed and not switched off",
-        ),
+@pytest.mark.parametrize(
+    ("variables", "message"),
+    [
+        ({"NUMBA_DISABLE_JIT": 1}, "numba must be installed and not switched off"),
         ({"NUMBA_CACHE_DIR": "/dev/null/cache"}, "no compiled code"),
-    ):
-        with pytest.raises(subprocess.CalledProcessError) as failed:
-            run("import pidalab.warm_up as w; w.use_all = lambda: None;" + script, **variables)
-        assert message in failed.value.stderr
+        ({}, "no compiled code"),
+    ],
+    ids=["off", "no folder", "nothing kept"],
+)
+def test_failed_compiler_claims_nothing(variables, message, tmp_path):
+    """The compilation is not complete, and the error says why."""
+    script = "import pidalab.warm_up as w; w.use_all = lambda: None; w.main()"
     with pytest.raises(subprocess.CalledProcessError) as failed:
-        run(
-            "import pidalab.warm_up as w; w.use_all = lambda: None; w.main()",
-            NUMBA_CACHE_DIR=tmp_path,
-        )
-    assert "no compiled code" in failed.value.stderr
+        run(script, **{"NUMBA_CACHE_DIR": tmp_path} | variables)
+    assert message in failed.value.stderr
     assert not list(tmp_path.rglob("complete"))
 
 
-HOMES = {
-    "no home": {"HOME": None, "XDG_CACHE_HOME": None},
-    "no folder": {"HOME": "/dev/null", "XDG_CACHE_HOME": None},
-    "relative": {"HOME": "", "XDG_CACHE_HOME": "cache"},
-    "chosen": {"NUMBA_CACHE_DIR": "/dev/null/cache"},
-}
+HOMES = {"no home": {"HOME": None, "XDG_CACHE_HOME": None}, "chosen": {"NUMBA_CACHE_DIR": "/dev/null/cache"}}
 
 
 @pytest.mark.parametrize("home", HOMES)

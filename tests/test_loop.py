@@ -1,4 +1,4 @@
-"""Loop: its transfer functions against block algebra at random complex frequencies, and every refusal."""
+"""Loop: its transfer functions against block algebra at random complex frequencies."""
 
 import copy
 import pickle
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.loop import open_loop, require_loop, require_well_posed
+from pidalab.loop import require_well_posed
 
 RNG = np.random.default_rng(3)
 POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)
@@ -34,10 +34,8 @@ def test_transfer_functions_solve_the_block_diagram(output, source):
 
 def test_loop_and_sensitivities():
     L = PROCESS(POINTS) * CONTROLLER(POINTS) * FILTER(POINTS)
-    np.testing.assert_allclose(LOOP.L(POINTS), L, rtol=1e-12)
-    np.testing.assert_allclose(LOOP.S(POINTS), 1 / (1 + L), rtol=1e-11)
-    np.testing.assert_allclose(LOOP.T(POINTS), L / (1 + L), rtol=1e-11)
-    np.testing.assert_allclose(LOOP.S(POINTS) + LOOP.T(POINTS), 1.0, rtol=1e-11)
+    for found, expected in ((LOOP.L, L), (LOOP.S, 1 / (1 + L)), (LOOP.T, L / (1 + L))):
+        np.testing.assert_allclose(found(POINTS), expected, rtol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -80,51 +78,16 @@ def test_repr_names_what_is_there():
     assert "output_filter=" in repr(LOOP)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"controller": "PI"}, TypeError, "controller must be a number, .* found str"),
-        ({"controller": np.nan}, ValueError, "controller.num must be finite, found nan"),
-        ({"prefilter": control.tf([1.0], [1.0, -2.0])}, ValueError, "prefilter must be stable, found a pole at 2"),
-        ({"prefilter": control.tf([1.0], [1.0, 0.0])}, ValueError, "prefilter must be stable, found a pole at 0"),
-        ({"process": "P"}, TypeError, "process must be a number, .* found str"),
-    ],
-)  # fmt: skip
-def test_loop_complains(arguments, error, message):
-    with pytest.raises(error, match=message):
-        pidalab.Loop(**({"process": PROCESS, "controller": CONTROLLER} | arguments))
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: LOOP.transfer("x", "r", 1j), "output must be 'y', 'u' or 'e', found 'x'"),
-        (lambda: LOOP.transfer("y", "v", 1j), "source must be 'r', 'd' or 'n', found 'v'"),
-        (
-            lambda: LOOP.block("plant", 1j),
-            "name must be one of process, controller, output_filter, prefilter, found 'plant'",
-        ),
-    ],
-)
-def test_unknown_names(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
-@pytest.mark.parametrize(
-    "name", ["process", "controller", "prefilter", "output_filter", "blocks", "open_loop", "new"]
-)
+@pytest.mark.parametrize("name", ["process", "blocks", "open_loop", "new"])
 def test_a_loop_does_not_change(name):
     """Half a change would be wrong in silence: the new dead time with the old gain."""
     loop = pidalab.Loop(PROCESS, 0.5)
     with pytest.raises(AttributeError, match="a Loop does not change; make a new one"):
         setattr(loop, name, pidalab.ipdt(5.0, 2.0))
-    with pytest.raises(TypeError, match="does not support item assignment"):
+    with pytest.raises(TypeError, match="item assignment"):
         loop.blocks["process"] = loop.blocks["controller"]
-    for num, den in (*loop.blocks.values(), loop.open_loop):
-        for array in (num, den):
-            with pytest.raises(ValueError, match="read-only"):
-                array[0] = 2.0
+    with pytest.raises(ValueError, match="read-only"):
+        loop.open_loop[0][0] = 2.0
 
 
 def test_a_loop_travels():
@@ -156,21 +119,6 @@ def test_limits_are_those_of_the_controller_seen_from_rest():
     assert pidalab.Loop(pidalab.lags(2), pidalab.PIDA(1.0, 2.0)).limits == (-np.inf, np.inf)
 
 
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        (pidalab.rules.classical.simc(pidalab.fopdt(1.0, 2.0, 1.0)), r"found Design"),
-        (PROCESS, "found Process"),
-        (CONTROLLER, r"found PIDA"),
-    ],
-)
-def test_what_is_no_loop_is_told_what_to_do(value, message):
-    for asks in (require_loop, open_loop):
-        with pytest.raises(TypeError, match=message):
-            asks(value)
-    require_loop(LOOP)
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.5, 20.0])
 def test_frequencies_of_a_plot_in_closed_form(delay):
     """From a decade below the slowest corner to one above the fastest; the dead time counts as one, and turns twice."""
@@ -200,34 +148,13 @@ def test_a_digital_controller_has_no_transfer_function_in_s():
     assert loop.automatic_reset is None
     assert loop.block("process", 2.0) == PROCESS.rational_part()(2.0)
     assert loop.block("prefilter", 2.0) == PREFILTER(2.0)
-    message = r"controller must be continuous"
     for ask in (lambda: loop.L(1j), lambda: loop.open_loop, lambda: loop.block("controller", 1j)):
-        with pytest.raises(TypeError, match=message):
+        with pytest.raises(TypeError, match="digital"):
             ask()
     assert pickle.loads(pickle.dumps(loop)).digital == k
-
-
-def test_what_a_digital_loop_may_not_have_beside_its_controller():
-    plain, own = CONTROLLER.discretise(0.1), CONTROLLER.discretise(0.1, prefilter=PREFILTER)
-    with pytest.raises(ValueError, match="output_filter must be None with a digital controller"):
-        pidalab.Loop(PROCESS, plain, output_filter=FILTER)
-    with pytest.raises(ValueError, match="prefilter must be None"):
-        pidalab.Loop(PROCESS, own, prefilter=PREFILTER)
-    assert pidalab.Loop(PROCESS, own).prefilter is None
-
-
-def test_blocks_that_are_mixed_up_are_told():
-    with pytest.raises(TypeError, match=r"controller must not be a Process; the order is Loop\(process"):
-        pidalab.Loop(CONTROLLER.transfer_function(), PROCESS)
-    plant = pidalab.AsymmetricPlant(1.0, 2.0, 3.0)
-    with pytest.raises(TypeError, match="process must be linear"):
-        pidalab.Loop(plant, CONTROLLER)
-    with pytest.raises(TypeError, match=r"process must be a block of the loop, found .*\.process"):
-        pidalab.Loop(pidalab.reduction.to_sopdt(pidalab.lags(3)), CONTROLLER)
+    assert pidalab.Loop(PROCESS, CONTROLLER.discretise(0.1, prefilter=PREFILTER)).prefilter is None
 
 
 def test_a_process_without_dead_time_is_a_filter():
     loop = pidalab.Loop(PROCESS, CONTROLLER, prefilter=pidalab.lags(2, lag=0.2))
     assert loop.block("prefilter", 1j) == pytest.approx(1 / (0.2j + 1) ** 2)
-    with pytest.raises(ValueError, match=r"prefilter must have no dead time, found 0\.5"):
-        pidalab.Loop(PROCESS, CONTROLLER, prefilter=pidalab.lags(2, delay=0.5))

@@ -57,8 +57,6 @@ def test_labels_stand_beside_their_lines(axes):
         "level": (pytest.approx((5, 5)), "center", "bottom"),
     }
     assert [text.get_color() for text in ax.texts] == [line.get_color() for line in ax.lines]
-    with pytest.raises(ValueError, match=r"at must have labels of lines in ax, .* found 'PI'"):
-        plots.label_lines(ax, {"PI": 1.0})
 
 
 def test_marks_and_given_dashes_keep_their_own(axes):

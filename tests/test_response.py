@@ -1,4 +1,4 @@
-"""Response: every measure against a closed form, and every refusal."""
+"""Response: every measure against a closed form."""
 
 import math
 import pickle
@@ -75,64 +75,14 @@ def test_held_set_point_and_noise():
     np.testing.assert_allclose(measured.e, held.r - held.y - held.n)
 
 
-@pytest.mark.parametrize("name", ["ie", "iae", "ise", "itae"])
-def test_infinite_horizon_needs_a_settled_record(name):
-    assert getattr(DECAY, name)(math.inf) == getattr(DECAY, name)()
-    with pytest.raises(ValueError, match=r"horizon=inf needs a settled record"):
-        getattr(SINE, name)(math.inf)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: DECAY.iae(30.1), r"horizon must be within the record \(up to 30\), found 30\.1"),
-        (
-            lambda: DECAY.itae(origin=0.5),
-            r"origin must not be after the start of the record \(0\), found 0\.5",
-        ),
-        (lambda: DECAY.tv("e"), "signal must be 'u' or 'y', found 'e'"),
-        (lambda: DECAY.overshoot(), "overshoot needs a final value other than 0"),
-        (
-            lambda: SINE.settling_time(),
-            r"band must hold the last error, 0\.7",
-        ),
-        (lambda: DECAY.rise_time(), "rise_time needs a final value other than 0"),
-        (
-            lambda: record(T, 0.5 * T / T[-1]).rise_time(),
-            r"y must reach 0\.9 .* found 0\.5",
-        ),
-        (
-            lambda: SINE.rise_time(0.9, 0.1),
-            r"low and high must be 0 < low < high < 1, found 0\.9 and 0\.1",
-        ),
-        (lambda: DECAY.settling_time(0.0), r"band must be above 0, found 0\.0"),
-        (lambda: DECAY.settling_time(2.0), "band must be a share between 0 and 1"),
-    ],
-)
-def test_measures_complain(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        (
-            {"t": [0.0, 1.0, 3.0]},
-            ValueError,
-            r"t must be uniform with step 1\.5, found 1 at index 1 instead of 1\.5",
-        ),
-        ({"u": [1.0, np.inf, 0.0]}, ValueError, "u must be finite, found inf at index 1"),
-    ],
-)
-def test_record_complains(change, error, message):
-    with pytest.raises(error, match=message):
-        Response(**({"t": [0.0, 1.0, 2.0], "r": 1.0, "d": 0.0, "n": 0.0, "y": 0.0, "u": 0.0} | change))
-
-
 def test_total_variation():
     u = record(np.arange(5.0), 0.0, u=[3.0, 1.0, 2.0, 2.0, -1.0])
     assert u.tv() == 3 + 2 + 1 + 0 + 3
+    assert u.tv("u", 2.0) == 3 + 2 + 1
+    assert u.tv("u", 2.0, final=0.0) == 3 + 2 + 1 + 2
+    with pytest.raises(TypeError, match="positional"):
+        u.tv("u", 0.0, 2.0)
+    assert (u.peak("u"), record(np.arange(4.0), [0.0, -3.0, 2.0, 0.0]).peak()) == (3.0, -3.0)
     assert record(T[:511], np.sin(T[:511])).tv("y") == pytest.approx(
         integral_of_abs_sine(10.2 + math.pi / 2) - 1, abs=2e-3
     )
@@ -164,68 +114,55 @@ def test_overshoot_between_samples(target):
     assert record(t, target * (1 - np.exp(-t)), r=target).overshoot() == 0.0
 
 
-def test_peak_has_its_sign():
-    assert record(np.arange(4.0), [0.0, -3.0, 2.0, 0.0]).peak() == -3.0
-    assert record(np.arange(4.0), 0.0, u=[0.0, -3.0, 4.0, 0.0]).peak("u") == 4.0
-
-
 @pytest.mark.parametrize("target", [3.0, -0.5])
 def test_rise_time(target):
     assert record(T, target * (1 - np.exp(-T)), r=target).rise_time() == pytest.approx(math.log(9), abs=1e-4)
     wave = record(T, target * (1 - np.exp(-T) * np.cos(3 * T)), r=target)  # the first passage counts
     assert wave.rise_time(0.5, 0.99) < math.pi / 6
-    assert record(np.arange(3.0), [0.5, 1.0, 1.0]).rise_time(0.2, 0.9) == pytest.approx(0.8)  # starts above
-    assert record(np.arange(3.0), [0.2, 0.1, 1.0]).rise_time(0.2, 0.9) == pytest.approx(
-        17 / 9
-    )  # starts on the share
-    assert record(np.arange(3.0), [0.0, 0.1, 0.9]).rise_time() == pytest.approx(1.0)  # samples on both shares
-    assert record(np.arange(3.0), [2.0, 1.0, 1.0]).rise_time() == 0.0  # starts above both
-    assert record(
-        np.arange(4.0), target * np.array([0.0, 0.5, 1.0, 1.0]), r=[9.0, 9.0, 9.0, target]
-    ).rise_time() == (pytest.approx(1.6))  # of the final value
+
+
+@pytest.mark.parametrize(
+    ("y", "shares", "time"),
+    [
+        ([0.5, 1.0, 1.0], (0.2, 0.9), 0.8),  # starts above the lower share
+        ([0.2, 0.1, 1.0], (0.2, 0.9), 17 / 9),  # starts on it
+        ([0.0, 0.1, 0.9], (0.1, 0.9), 1.0),  # samples on both
+        ([2.0, 1.0, 1.0], (0.1, 0.9), 0.0),  # starts above both
+    ],
+)
+def test_rise_time_of_few_samples(y, shares, time):
+    assert record(np.arange(3.0), y).rise_time(*shares) == pytest.approx(time)
 
 
 def test_settling_time():
-    rise = record(T, 1 - np.exp(-T))
-    assert rise.settling_time() == pytest.approx(math.log(50), abs=1e-4)
-    assert rise.settling_time(0.05) == pytest.approx(math.log(20), abs=1e-4)
-    assert record(T, -2 * (1 - np.exp(-T)), r=-2.0).settling_time() == pytest.approx(math.log(50), abs=1e-4)
-    assert record(T, 5 * np.exp(-T), r=0.0).settling_time() == pytest.approx(
-        math.log(50), abs=1e-4
-    )  # of the largest error
-    assert record(T, 1.0).settling_time() == 0.0
-
-
-def test_settling_time_when_the_error_changes_sign_on_its_way_in():
-    """A straight line from +0.1 to -0.01 enters the band of 0.02 at 8/11 of the sample."""
+    for y, r, band, time in (
+        (1 - np.exp(-T), 1.0, 0.02, math.log(50)),
+        (1 - np.exp(-T), 1.0, 0.05, math.log(20)),
+        (-2 * (1 - np.exp(-T)), -2.0, 0.02, math.log(50)),
+        (5 * np.exp(-T), 0.0, 0.02, math.log(50)),  # of the largest error
+        (np.ones(T.size), 1.0, 0.02, 0.0),
+    ):
+        assert record(T, y, r=r).settling_time(band) == pytest.approx(time, abs=1e-4)
+    # a straight line from +0.1 to -0.01 enters the band at 8/11 of the sample
     assert record(np.arange(3.0), [0.9, 1.01, 1.0]).settling_time(0.02) == pytest.approx(8 / 11)
-
-
-def half_seconds(y, u, r):
-    return Response(
-        np.arange(len(y)) * 0.5, r=np.array(r, dtype=float), d=0.0, n=0.0, y=np.array(y), u=np.array(u)
-    )
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_stretch_by_hand(sign):
-    r = half_seconds(
-        y=sign * np.array([1.0, 1.0, 0.8, 2.0, 3.4, 2.95, 3.0, 3.0]),
-        u=sign * np.array([1.0, 5.0, 5.0, 4.0, 0.0, 2.0, 2.0, 2.0]),
-        r=sign * np.array([1, 3, 3, 3, 3, 3, 3, 3]),
-    )
+    y = sign * np.array([1.0, 1.0, 0.8, 2.0, 3.4, 2.95, 3.0, 3.0])
+    u = sign * np.array([1.0, 5.0, 5.0, 4.0, 0.0, 2.0, 2.0, 2.0])
+    r = record(0.5 * np.arange(8), y, r=sign * np.array([1.0] + [3.0] * 7), u=u)
     part = r.between(0.5, 3.5)
     np.testing.assert_allclose(part.t, 0.5 * np.arange(7))
-    np.testing.assert_allclose(sign * part.y, [0.0, -0.2, 1.0, 2.4, 1.95, 2.0, 2.0], atol=1e-15)
-    np.testing.assert_allclose(sign * part.u, [4.0, 4.0, 3.0, -1.0, 1.0, 1.0, 1.0], atol=1e-15)
+    np.testing.assert_allclose(part.y, y[1:] - sign, atol=1e-15)
+    np.testing.assert_allclose(part.u, u[1:] - sign, atol=1e-15)
     np.testing.assert_allclose(part.e, r.e[1:], atol=1e-15)
     assert part.overshoot() == pytest.approx(20.0, abs=3.0)  # the parabola through 2.4 is a little higher
     assert part.undershoot() == pytest.approx(10.0)
     assert part.tv() == pytest.approx(4 + 1 + 4 + 2)
     assert part.iae() == pytest.approx(r.iae(3.5) - r.iae(0.5), rel=1e-12)
     limits = (0.0, 5.0) if sign > 0 else (-5.0, 0.0)
-    assert r.saturated(limits, 0.5, 3.5) == 1.5
-    assert r.saturated(limits) == 1.5
+    assert r.saturated(limits, 0.5, 3.5) == r.saturated(limits) == 1.5
     low, high = sorted([0.5 * sign, 3.5 * sign])  # a record may lie beyond limits that are asked about
     assert r.saturated((low, high)) == r.step * np.sum((r.u <= low) | (r.u >= high))
 
@@ -244,34 +181,6 @@ def test_a_stretch_ends_before_the_next_step():
     assert down.settling_time() == pytest.approx(alone.settling_time(), abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("start", "stop", "message"),
-    [
-        (0.5, 9.0, r"must be in order, 0 to 1\.5, found 0\.5 and 9"),
-        (2.5, 3.0, "must be in order"),
-        (1.0, 0.5, "must be in order"),
-        (-1.0, 0.5, "must be in order"),
-        (math.nan, 0.5, "start must be finite"),
-    ],
-)
-def test_stretches_that_are_none(start, stop, message):
-    r = half_seconds(y=[0.0] * 4, u=[0.0] * 4, r=[1, 1, 2, 2])
-    for call in (r.between, lambda a, b: r.saturated((0.0, 1.0), a, b)):
-        with pytest.raises(ValueError, match=message):
-            call(start, stop)
-
-
-def test_a_tenth_of_the_record_has_to_be_settled_and_no_more():
-    t = np.arange(41.0)
-    for last, settled in ((36, True), (37, False)):
-        loud = record(t, np.where(t <= last, -1.0, 0.0), r=0.0)
-        if settled:
-            assert loud.iae(math.inf) > 30
-        else:
-            with pytest.raises(ValueError, match="needs a settled record"):
-                loud.iae(math.inf)
-
-
 def test_the_set_point_that_counts_is_the_last():
     t, y = np.arange(20.0), np.array([0.0, -0.5, 1.0, 2.5, *[2.0] * 16])
     up, down = (record(t, y, r=np.where(t < 1, *levels)) for levels in ((0.0, 2.0), (2.0, 0.0)))
@@ -280,19 +189,8 @@ def test_the_set_point_that_counts_is_the_last():
     assert up.rise_time(0.1, 0.9) == pytest.approx((2.0 + 0.8 / 1.5) - (1.0 + 0.7 / 1.5))
     assert up.settling_time(0.02) == pytest.approx(3.0 + 0.46 / 0.5)
     for measure in (down.undershoot, down.overshoot, down.rise_time):
-        with pytest.raises(ValueError, match="a final value other than 0"):
+        with pytest.raises(ValueError, match="final value"):
             measure()
-
-
-def test_total_variation_up_to_a_horizon_is_not_a_final_value():
-    """The second argument is a time, as for iae; the final value goes by name."""
-    run = record(np.arange(5.0), 0.0, u=[1.0, -1.0, 1.0, -1.0, 1.0])
-    assert run.tv("u", 2.0) == 1 + 2 + 2
-    assert run.tv("u", 2.0, final=0.0) == 1 + 2 + 2 + 1
-    with pytest.raises(TypeError):
-        run.tv("u", 0.0, 2.0)
-    with pytest.raises(ValueError, match=r"horizon must be within the record \(up to 4\), found 60"):
-        run.tv("u", 60.0)
 
 
 def test_error_against_a_filtered_set_point():
@@ -305,20 +203,6 @@ def test_error_against_a_filtered_set_point():
     )
     with pytest.raises(ValueError, match="reference must have the same times"):
         run.against(pidalab.open_loop_step(pidalab.lags(2), T[:-1]))
-
-
-def test_step_information_of_a_process():
-    """A second-order process in closed form: overshoot exp(-pi z/sqrt(1 - z^2)) at pi/sqrt(1 - z^2)."""
-    z = 0.4
-    swing = pidalab.open_loop_step(pidalab.sopdt(3.0, 1.0, z, 0.0), np.linspace(0.0, 40.0, 40_001))
-    root = np.sqrt(1 - z**2)
-    assert swing.overshoot(final=3.0) == pytest.approx(100 * np.exp(-np.pi * z / root), rel=1e-8)
-    assert swing.rise_time(final=3.0) < swing.settling_time(final=3.0) < 12
-    assert swing.overshoot() == swing.overshoot(final=3.0)
-    assert swing.peak_time() == pytest.approx(np.pi / root, rel=1e-6)
-    integrating = pidalab.open_loop_step(pidalab.ipdt(1.0, delay=0.0), np.linspace(0.0, 4.0, 41))
-    with pytest.raises(ValueError, match=r"overshoot needs a final value other than 0"):
-        integrating.overshoot()
 
 
 MEASURES = (
@@ -334,35 +218,6 @@ MEASURES = (
     "ise",
     "itae",
 )
-
-
-@pytest.mark.parametrize("measure", [*MEASURES, "settling_time"])
-def test_no_measure_of_a_response_that_diverges(measure):
-    loop = pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1, 0.05))
-    run = pidalab.step_response(loop, np.linspace(0.0, 5.0, 501))
-    with pytest.raises(ValueError, match=r"does not diverge|band must hold"):
-        getattr(run, measure)()
-
-
-def test_a_measure_up_to_a_stated_horizon_stays_possible():
-    loop = pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1, 0.05))
-    run = pidalab.step_response(loop, np.linspace(0.0, 5.0, 501))
-    assert run.iae(0.1) == pytest.approx(0.1, rel=1e-6)
-    assert run.peak("u", 0.05) == pytest.approx(np.abs(run.u[:6]).max())
-    assert run.tv("u", 0.05) > 0
-
-
-@pytest.mark.parametrize("measure", ["overshoot", "peak_time", "rise_time", "settling_time"])
-def test_no_measure_of_a_response_that_is_cut_off(measure):
-    loop = pidalab.Loop(pidalab.lags(3, delay=0.2), pidalab.PIDA(1.0, 3.0))
-    with pytest.raises(ValueError, match=r"t = 0\.5|simulate longer"):
-        getattr(pidalab.step_response(loop, np.linspace(0.0, 0.5, 51)), measure)()
-
-
-def test_a_jump_to_the_wrong_side_is_an_undershoot():
-    """(1 - s)/(1 + s) starts at -1 and ends at 1."""
-    run = pidalab.open_loop_step(pidalab.Process([-1.0, 1.0], [1.0, 1.0]), T)
-    assert run.undershoot(final=1.0) == pytest.approx(100.0)
 
 
 def random_loop(rng):
@@ -466,30 +321,44 @@ def test_records_that_nobody_can_refine_warn():
         Response(**{name: getattr(fine, name) for name in (*signals, "area")}).overshoot()
 
 
-def test_a_late_beginning_is_no_divergence():
+LOUD = pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1, 0.05))
+DIVERGED = pidalab.step_response(LOUD, np.linspace(0.0, 5.0, 501))
+CUT_OFF = pidalab.step_response(
+    pidalab.Loop(pidalab.lags(3, delay=0.2), pidalab.PIDA(1.0, 3.0)), np.linspace(0.0, 0.5, 51)
+)
+
+
+@pytest.mark.parametrize("measure", [*MEASURES, "settling_time"])
+def test_a_response_that_diverges_or_is_cut_off_has_no_measure(measure):
+    with pytest.raises(ValueError, match=r"does not diverge|band must hold"):
+        getattr(DIVERGED, measure)()
+    if measure in ("overshoot", "peak_time", "rise_time", "settling_time"):
+        with pytest.raises(ValueError, match=r"t = 0\.5|simulate longer"):
+            getattr(CUT_OFF, measure)()
+
+
+def test_a_response_that_diverges_has_measures_up_to_a_horizon():
+    assert DIVERGED.iae(0.1) == pytest.approx(0.1, rel=1e-6)
+    assert DIVERGED.peak("u", 0.05) == pytest.approx(np.abs(DIVERGED.u[:6]).max())
+
+
+@pytest.mark.parametrize(("last", "settled"), [(36, True), (37, False)])
+def test_an_integral_to_infinity_needs_rest_in_the_last_tenth(last, settled):
+    t = np.arange(41.0)
+    loud = record(t, np.where(t <= last, -1.0, 0.0), r=0.0)
+    for name in ("ie", "iae", "ise", "itae"):
+        assert getattr(DECAY, name)(math.inf) == getattr(DECAY, name)()
+        if settled:
+            assert abs(getattr(loud, name)(math.inf)) > 30
+        else:
+            with pytest.raises(ValueError, match="horizon"):
+                getattr(loud, name)(math.inf)
+
+
+def test_a_load_that_comes_late_is_no_divergence():
     t = np.linspace(0.0, 100.0, 1001)
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 1.0), pidalab.PIDA(0.5, 1.0))
     late = pidalab.simulate(loop, t, load=np.where(t >= 92, 1.0, 0.0))
     early = pidalab.load_response(loop, t[:81])
     assert late.iae() == pytest.approx(early.iae(), rel=1e-9)
     assert (late.tv("u"), late.peak("y")) == pytest.approx((early.tv("u"), early.peak("y")), rel=1e-9)
-    both = pidalab.simulate(loop, t, setpoint=0.1, load=np.where(t >= 92, 1.0, 0.0))
-    assert both.iae() > late.iae()
-    begun = pidalab.open_loop_step(pidalab.fopdt(1.0, 1.0, 10.0), np.linspace(0.0, 11.0, 111))
-    assert begun.tv("y") == pytest.approx(1 - math.exp(-1.0), rel=1e-3)
-    slow = pidalab.Loop(pidalab.fopdt(1.0, 1.0, 10.0), pidalab.PIDA(0.3, 5.0))
-    assert pidalab.step_response(slow, np.linspace(0.0, 11.0, 1101)).iae() > 10
-    with pytest.raises(ValueError, match=r"does not diverge|band must hold"):
-        pidalab.simulate(
-            pidalab.Loop(pidalab.fopdt(2.0, 1.0, 0.1), pidalab.PIDA(20.0, 0.1)),
-            t / 20,
-            load=np.where(t > 40, 1.0, 0.0),
-        ).iae()
-
-
-def test_error_of_iae_falls_with_the_fourth_power_of_the_step():
-    """Also where e leaves zero as t^3, which a parabola takes for a change of sign."""
-    loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(0.2, 4.0))
-    for step in (0.5, 0.1):
-        run = pidalab.load_response(loop, np.arange(0.0, 60.0 + step / 2, step))
-        assert run.iae() == pytest.approx(abs(run.ie()), abs=2.0 * step**4 / 324)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.comparison.judging import DesignRow, html_table, measure_row, one_line, text_table
+from pidalab.comparison.judging import DesignRow, html_table, measure_row, text_table
 from pidalab.rules import Design
 
 LAGS = pidalab.lags(3, delay=1.0)
@@ -58,14 +58,6 @@ def test_without_a_sample_time_the_noise_is_left_out():
     assert (row.applies, row.reason) == (True, "")
 
 
-def test_a_reason_for_no_noise_gain_stands_in_the_row(monkeypatch):
-    monkeypatch.setattr(
-        "pidalab.comparison.judging.sampled_noise", lambda loop, h: (math.nan, f"no loop at {h}")
-    )
-    row = measure_row("mine", "PID", lambda: DESIGN, LAGS, sample_time=0.1, horizon=3.0)
-    assert (row.applies, math.isnan(row.noise_gain), row.reason) == (True, True, "no loop at 0.1")
-
-
 def refuse():
     raise ValueError("the rule\nasks for\n  more lags")
 
@@ -85,10 +77,6 @@ def test_a_mistake_in_the_program_is_no_refusal():
     """What a rule refuses is a row; what falls over otherwise is told."""
     with pytest.raises(AttributeError):
         measure_row("mine", "PI", lambda: None, LAGS, sample_time=0.1, horizon=3.0)
-
-
-def test_one_line():
-    assert one_line(ValueError("a\n  b\tc ")) == "a b c"
 
 
 ROWS = (

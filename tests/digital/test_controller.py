@@ -10,14 +10,10 @@ from cases import CASES, STANDARD, record, reference
 
 from pidalab import (
     PIDA,
-    HighOrderPID,
     Loop,
     Process,
     SeriesPIDA,
-    fopdt,
-    ipdt,
     lags,
-    simulate,
     simulate_sampled,
 )
 from pidalab.digital.controller import DigitalController
@@ -66,43 +62,6 @@ def test_units_change_nothing_but_the_scale(name):
     np.testing.assert_allclose(simulate_sampled(Loop(plant, moved), t, 35.0, load=0.3).u, run.u, atol=1e-9)
 
 
-def test_held_and_continuous_controllers_agree():
-    """The exact discretisation is what simulate_sampled makes of a continuous controller."""
-    t = 0.05 * np.arange(600)
-    for own in (
-        STANDARD,
-        SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4),
-        HighOrderPID([0.4, 1.2, 0.6, 0.1], 0.1, 4),
-    ):
-        way = "reset" if isinstance(own, SeriesPIDA) else None
-        runs = [
-            simulate_sampled(Loop(lags(4, delay=0.33), one), t, 1.0, load=0.2, limits=(-0.5, 1.4))
-            for one in (own, own.discretise(0.05, "zoh", anti_windup=way))
-        ]
-        np.testing.assert_allclose(runs[1].u, runs[0].u, atol=1e-10)
-
-
-@pytest.mark.parametrize("method", ["backward", "tustin"])
-def test_ever_faster_samples_approach_the_continuous_loop(method):
-    loop, errors = Loop(lags(4), STANDARD), []
-    for fineness in (20, 40, 80):
-        t = np.linspace(0.0, 12.0, 12 * fineness + 1)
-        digital = simulate_sampled(Loop(loop.process, STANDARD.discretise(1 / fineness, method)), t, 1.0)
-        errors.append(np.max(np.abs(digital.y - simulate(loop, t, 1.0).y)[::fineness]))
-    assert np.all(np.array(errors)[:-1] / np.array(errors)[1:] > 1.8), errors
-
-
-def test_slow_samples_of_a_fast_derivative():
-    """A sample time ten times the filter's time constant: refused for held inputs, and backward serves."""
-    process, own = fopdt(2.3, 20.0, 8.0), PIDA(0.8, 22.0, 3.0, n=10)
-    t = np.arange(300.0)
-    with pytest.raises(ValueError, match=r"at most the filter's time constant, 0\.3, found 1"):
-        simulate_sampled(Loop(process, own), t, 1.0)
-    run = simulate_sampled(Loop(process, own.discretise(1.0)), t, 1.0)
-    assert run.overshoot() < 20
-    assert abs(run.y[-1] - 1.0) < 0.01
-
-
 def test_rest_is_where_it_starts():
     for name, k in CASES.items():
         k.reset()
@@ -125,10 +84,8 @@ def test_no_bump_on_the_way_back_from_manual(name):
     k.reset()
     for _ in range(30):
         k.step(y, y, manual=k.bias + 1.0)
-    if k.integrates:
-        assert k.step(y, y) == pytest.approx(k.bias + 1.0, abs=1e-9)
-    else:
-        assert k.step(y, y) == pytest.approx(k.bias, abs=1e-9)  # nothing that could hold it
+    # without an integral nothing could hold it
+    assert k.step(y, y) == pytest.approx(k.bias + 1.0 * k.integrates, abs=1e-9)
 
 
 def test_manual_signals_keep_the_limits_of_range_and_rate():
@@ -146,17 +103,6 @@ def test_tracking_keeps_the_integral_from_running_away(way):
     released = k.step(0.3, 0.0)
     assert abs(wanted - 0.5) < 0.35
     assert released - wanted == pytest.approx(0.3 * 0.05, abs=1e-9)
-
-
-def test_windup():
-    """An actuator at its limit for most of a step: overshoot with each way, and none that is worse than no way."""
-    process, own, t = ipdt(1.0, 0.5), PIDA(0.6, 4.0), 0.1 * np.arange(400)
-    found = {}
-    for way in (None, "reset", "back-calculation", "clamping"):
-        k = own.discretise(0.1, limits=(-0.1, 0.1), anti_windup=way)
-        found[way] = simulate_sampled(Loop(process, k), t, 1.0).overshoot()
-    assert found[None] > 60
-    assert max(found[way] for way in found if way) < 15
 
 
 def test_reset_is_a_lag_behind_the_limited_signal():
@@ -233,27 +179,6 @@ def test_it_does_not_change():
     )
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda k: k.step("1", 0.0), TypeError, "r must be a real number"),
-        (lambda k: k.step(1.0, 0.0, manual="auto"), TypeError, "manual must be a real number"),
-        (lambda k: k.step(1.0, True), TypeError, "y must be a real number"),
-        (lambda k: k.reset(r=1.0), ValueError, "r and y must be given together"),
-        (lambda k: k.reset(u=math.nan), ValueError, "u must be finite"),
-        (
-            lambda k: simulate(Loop(lags(2), k), np.arange(9.0), 1.0),
-            TypeError,
-            "controller must be continuous",
-        ),
-    ],
-    ids=["text", "word", "truth", "one", "start", "exact"],
-)
-def test_complaints(call, error, message):
-    with pytest.raises(error, match=message):
-        call(CASES["plain_pi"])
-
-
 @pytest.mark.parametrize("method", ["backward", "tustin", "zoh"])
 @pytest.mark.parametrize(
     "own",
@@ -275,16 +200,15 @@ def test_transfer_function_beside_steps(own, method):
 
 
 PI, RESET = PIDA(2.0, 4.0), SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4)
-DIGITAL = PI.discretise(0.1, anti_windup="clamping")
 
 
 @pytest.mark.parametrize(
     ("controller", "available"),
     [
-        (None, ("reset", "back-calculation", "clamping", "none", None)),
-        (PI, ("clamping", "conditioning", "none", None)),
-        (RESET, ("reset", "none", None)),
-        (DIGITAL, ("clamping", "none", None)),
+        (None, ("reset", "back-calculation", "clamping")),
+        (PI, ("clamping", "conditioning")),
+        (RESET, ("reset",)),
+        (PI.discretise(0.1, anti_windup="clamping"), ("clamping",)),
     ],
 )
 def test_both_doors_share_the_words_for_anti_windup(controller, available):
@@ -293,20 +217,17 @@ def test_both_doors_share_the_words_for_anti_windup(controller, available):
     def door(word):
         if controller is None:
             return PI.discretise(0.1, anti_windup=word)
-        return simulate_sampled(
-            Loop(lags(4), controller), 0.1 * np.arange(20), 1.0, anti_windup=word
-        ).u.tolist()
+        loop = Loop(lags(4), controller)
+        return simulate_sampled(loop, 0.1 * np.arange(20), 1.0, anti_windup=word).u.tolist()
 
-    for word in ("reset", "back-calculation", "clamping", "conditioning", "none", None):
+    assert door("none") == door(None)
+    for word in ("reset", "back-calculation", "clamping", "conditioning"):
         if word in available:
-            assert door("none" if word is None else word) == door(word)
+            assert door(word)
         else:
             with pytest.raises(ValueError, match=f"anti_windup must be .*, found {word!r}") as refusal:
                 door(word)
-            assert all(repr(x) in str(refusal.value) for x in available if x != "none")
-    for word in ("on", 1):
-        with pytest.raises(ValueError, match=r"anti_windup must be 'reset', .* or None, found"):
-            door(word)
+            assert all(repr(x) in str(refusal.value) for x in available)
 
 
 def test_the_first_step_has_no_bump_and_a_primed_controller_starts_at_rest():

@@ -1,4 +1,4 @@
-"""Three-point identification: records whose parameters are known, the three times from a root finder, every refusal."""
+"""Three-point identification: records whose parameters are known, the three times from a root finder."""
 
 import math
 import warnings
@@ -39,25 +39,6 @@ def test_sampled_crossings_are_the_first_samples_at_or_above_the_levels():
         assert time == pytest.approx(T[i], abs=1e-12)
 
 
-@pytest.mark.filterwarnings("ignore:the model misses the record")
-@pytest.mark.parametrize("alpha", [0.2, 0.4, 0.6, 0.8])
-@pytest.mark.parametrize("tau", [2.0, 3.0, 6.0])
-def test_recovers_a_process_of_the_model_class(alpha, tau):
-    """The formulas are fits, so the parameters come back roughly and the response closely."""
-    L = 2.0
-    lag = (1 - alpha) * L / 2
-    process = pidalab.Process(
-        [1.5], np.polymul([tau, 1.0], np.polymul([lag, 1.0], [lag, 1.0])), delay=alpha * L
-    )
-    t = np.linspace(0.0, 60.0, 6001)
-    y = pidalab.open_loop_step(process, t).y
-    model = three_point(t, y)
-    assert model.gain == pytest.approx(1.5, rel=1e-3)
-    assert model.tau == pytest.approx(tau, rel=0.15)
-    assert model.apparent_delay == pytest.approx(L, rel=0.15)
-    assert np.max(np.abs(pidalab.open_loop_step(model.process, t).y - y)) < 0.04 * 1.5
-
-
 def model_4(ratio, alpha):
     """Return haalman2024's model (4) with tau = 1 and L = ratio."""
     lag = (1 - alpha) * ratio / 2
@@ -82,35 +63,17 @@ def test_three_point_warns_where_its_model_makes_an_unsafe_loop(ratio, alpha):
     w = np.linspace(0.01, 1.0, 2000) / (model.alpha * model.apparent_delay)
     excess = np.max(np.abs(process(1j * w) / model.process(1j * w))) - 1
     assert model.excess_gain == pytest.approx(excess, abs=0.01 + 0.01 * excess)
+    assert bool(caught) == (ratio < 0.3 or (ratio, alpha) in [(0.3, 0.3), (0.3, 0.6), (0.3, 0.9)])
     design = pidalab.rules.haalman.tune(model.process, ms=1.4)
     if caught:
         assert caught[0].filename == __file__
-        assert f"{100 * model.excess_gain:.0f} %" in str(caught[0].message)
         with pytest.raises(ValueError, match="model"):
             pidalab.rules.haalman.tune(model, ms=1.4)
     else:
         assert pidalab.rules.haalman.tune(model, ms=1.4).controller == design.controller
-        assert pidalab.max_sensitivity(design.loop(process))[0] < 1.15 * design.ms
-        assert pidalab.is_stable(design.loop(process))
-    assert bool(caught) == (ratio < 0.3 or (ratio, alpha) in [(0.3, 0.3), (0.3, 0.6), (0.3, 0.9)])
-
-
-def test_three_point_loses_a_short_dead_time():
-    """haalman2024's rule, asked for Ms 1.4 on a process that is its own model (4)."""
-    process, t = model_4(0.25, 0.9), np.linspace(0.0, 20.0, 8001)
-    with pytest.warns(pidalab.areas.RecordWarning, match="misses the record"):
-        model = three_point(t, pidalab.open_loop_step(process, t).y)
-    assert model.alpha == pytest.approx(0.31, abs=0.01)
-    design = pidalab.rules.haalman.tune(model.process, ms=1.4, m=10)
-    assert pidalab.margins(design.loop(process)).ms == pytest.approx(2.99, abs=0.01)
-
-
-def test_model_is_its_printed_form():
-    model = pidalab.identification.ThreePointModel(2.0, 3.0, 0.4, 5.0, (0.0, 0.0, 0.0))
-    s = 0.3 + 0.7j
-    assert model.process(s) == pytest.approx(
-        2 / ((1 + 5 * s) * (1 + 0.9 * s) ** 2) * np.exp(-1.2 * s), rel=1e-12
-    )
+        loop = design.loop(process)
+        assert pidalab.is_stable(loop)
+        assert pidalab.max_sensitivity(loop)[0] < 1.15 * design.ms
 
 
 @pytest.mark.parametrize(
@@ -122,68 +85,6 @@ def test_gain_step_size_and_rest_value(gain, step, rest):
     assert (model.apparent_delay, model.alpha, model.tau) == pytest.approx(
         (unit.apparent_delay, unit.alpha, unit.tau), rel=1e-9
     )
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_time_scales_with_the_clock(scale):
-    model, unit = three_point(T * scale, FOURTH), three_point(T, FOURTH)
-    assert model.tau == pytest.approx(scale * unit.tau, rel=1e-9)
-    assert model.alpha == pytest.approx(unit.alpha, rel=1e-9)
-
-
-SECOND = 1 - (np.exp(-T) - 0.3 * np.exp(-T / 0.3)) / 0.7  # 1/((s + 1)(0.3 s + 1)): no dead time at all
-BAD = {
-    "constant": ({"y": np.full(T.size, 3.0)}, r"y never moves: it starts at 3 and ends at 3"),
-    "second-order": (
-        {"y": SECOND},
-        r"y does not fit a third-order model with dead time: alpha must be .* found -?\d",
-    ),
-    "alpha": (
-        {"y": 1 - 0.7 * np.exp(-2 * T) - 0.3 * np.exp(-T / 8)},
-        r"L and tau must be above 0, found -",
-    ),
-    "crossing": ({"crossing": "nearest"}, "crossing must be 'interpolated' or 'sampled', found 'nearest'"),
-    "convex": (
-        {"y": np.clip((T - 10.0) / 0.05, 0.0, 1.0)},
-        r"y does not fit a third-order model .* alpha must be .* found 1\.\d+",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_three_point_complains(name):
-    change, message = BAD[name]
-    with pytest.raises(ValueError, match=message):
-        three_point(**({"t": T, "y": FOURTH} | change))
-
-
-STILL = "y must change, found 2 at the start and 2 at the end"
-EARLY = {"y": np.where(T > 0, 1.0 + FOURTH, 0.0), "span": 1.0}
-
-
-@pytest.mark.parametrize(
-    ("rules", "change", "message"),
-    [
-        ("all", {"y": FOURTH[:-1]}, r"y must be a number or as long as t \(4001\), found shape \(4000,\)"),
-        ("all", {"y": np.where(T == 20.0, np.nan, FOURTH)}, "y must be finite, found nan at index 2000"),
-        ("all", {"t": T + 1.0}, "t must start at 0, found 1"),
-        ("all", {"step": 0.0}, "step must not be 0"),
-        ("all", {"step": np.nan}, "step must be finite, found nan"),
-        ("ramps", {"y": np.full(T.size, 2.0)}, STILL),
-        ("tangent", {"span": 0.0}, "span must be above 0"),
-        ("tangent", {"span": 50.0}, r"span must be shorter than the record \(40\), found 50"),
-        ("tangent", EARLY, "before the step, at t = -"),
-        ("squares", {"rise": 0.0}, "rise must be above 0"),
-        ("squares", {"rise": 1.0}, "rise must be below 1, found 1"),
-        ("squares", {"t": np.arange(4.0), "y": np.arange(4.0)}, "y must have at least 5 samples, found 4"),
-    ],
-)  # fmt: skip
-def test_what_is_no_step_experiment_is_refused(rules, change, message):
-    ramps = {"tangent": [ipdt_tangent], "squares": [ipdt_least_squares]}
-    ramps["ramps"] = [ipdt_tangent, ipdt_least_squares]
-    for rule in (ramps | {"all": [three_point, *ramps["ramps"]]})[rules]:
-        with pytest.raises(ValueError, match=message):
-            rule(**({"t": T, "y": FOURTH} | change))
 
 
 def inflection(order, lag):
@@ -205,15 +106,6 @@ def test_tangent_of_equal_lags_is_its_closed_form(order):
         off = h**2 / (6 * (order - 1) * 2.0**2)  # at its maximum the gamma density has f'' = -f / (order - 1)
         assert 0 <= 1 - model.num[0] / (2.0 * slope) <= 1.1 * off
         assert model.delay == pytest.approx(0.7 + delay, abs=5 * off * delay + h**2)
-
-
-def test_tangent_at_a_corner_is_off_by_half_a_sample():
-    """First-order lag: the steepest point is the corner itself, and the mean slope of a sample is h/2 away from it."""
-    for h in (0.1, 0.01):
-        t = h * np.arange(round(20.0 / h))
-        model = ipdt_tangent(t, -np.expm1(-np.maximum(t - 1.0, 0.0) / 4.0))
-        assert model.num[0] == pytest.approx(0.25 * (1 - h / 8), rel=h**2)
-        assert model.delay == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -238,14 +130,6 @@ def test_tangent_ignores_a_steep_start_in_the_wrong_direction():
     assert model.delay > 0
 
 
-def test_tangent_of_a_noisy_record_needs_a_span():
-    noisy = FOURTH + np.random.default_rng(1).normal(scale=0.005, size=T.size)
-    slope, delay = inflection(4, 1.0)
-    model = ipdt_tangent(T, noisy, span=1.0)
-    assert (model.num[0], model.delay) == pytest.approx((slope, delay), rel=0.06)
-    assert ipdt_tangent(T, noisy).num[0] > 5 * slope
-
-
 @pytest.mark.parametrize("order", [1, 3, 4])
 def test_filtered_ramp_is_its_closed_form(order):
     """A ramp behind n lags: t - n T_f + its transient; straight from sample to sample, so exact however coarse."""
@@ -255,19 +139,6 @@ def test_filtered_ramp_is_its_closed_form(order):
     moments = sum((order - k) * x**k / math.factorial(k) for k in range(order)) * np.exp(-x)
     expected = 5.0 + 2.0 * (t - order * lag + lag * moments)
     assert binomial_filtered(t, 5.0 + 2.0 * t, lag, order) == pytest.approx(expected, abs=1e-12)
-
-
-def test_filtered_record_is_that_of_the_process_with_the_filter():
-    process = pidalab.Process([1.0], np.convolve([1, 4, 6, 4, 1], np.poly([-2.0] * 4) / 16.0), delay=0.7)
-    y = pidalab.open_loop_step(pidalab.lags(4, delay=0.7), T).y
-    assert binomial_filtered(T, y, 0.5, 4) == pytest.approx(pidalab.open_loop_step(process, T).y, abs=1e-5)
-
-
-@pytest.mark.parametrize("rule", [ipdt_tangent, ipdt_least_squares])
-def test_a_falling_record_has_the_model_of_a_rising_one_with_the_other_sign(rule):
-    rising, falling = (rule(T, 7.0 + sign * 0.4 * FOURTH) for sign in (1.0, -1.0))
-    assert -falling.num[0] == pytest.approx(rising.num[0], rel=1e-12)
-    assert falling.delay == pytest.approx(rising.delay, rel=1e-9)
 
 
 @pytest.mark.parametrize("rule", [ipdt_tangent, ipdt_least_squares])
@@ -290,29 +161,6 @@ def test_ramp_is_the_nearest_one_of_any_record(seed):
     least = np.min(np.sum((y - slopes[:, None] * ramps) ** 2, axis=1))
     slope, delay = _hinge(t, y)
     assert np.sum((y - slope * np.maximum(t - delay, 0.0)) ** 2) <= least * (1 + 1e-9)
-
-
-def test_least_squares_stays_right_in_noise():
-    """Where the tangent finds five times the gain, one per cent of noise moves the fit by about one per cent."""
-    clean = ipdt_least_squares(T, FOURTH)
-    rng = np.random.default_rng(3)
-    fits = []
-    for _ in range(12):
-        noisy = FOURTH + rng.normal(scale=0.01, size=T.size)
-        noisy[0] = 0.0
-        fits.append(ipdt_least_squares(T, noisy))
-    gains, delays = np.array([(fit.num[0], fit.delay) for fit in fits]).T
-    assert gains.mean() == pytest.approx(clean.num[0], rel=0.005)
-    assert gains.std() < 0.01 * clean.num[0]
-    assert delays.mean() == pytest.approx(clean.delay, rel=0.01)
-    assert delays.std() < 0.02 * clean.delay
-
-
-def test_filter_complains():
-    with pytest.raises(ValueError, match="filter_time must be above 0"):
-        binomial_filtered(T, FOURTH, 0.0, 4)
-    with pytest.raises(ValueError, match="filter_order must be a whole number, at least 1"):
-        binomial_filtered(T, FOURTH, 1.0, 0)
 
 
 PLANT = pidalab.Process([2.3], np.convolve([20.0, 1.0], np.convolve([6.0, 1.0], [3.0, 1.0])), 8.0)
@@ -355,20 +203,6 @@ def test_a_messy_record_gives_nearly_the_same_model():
     assert (found.num[0], found.delay) == pytest.approx((clean.num[0], clean.delay), rel=0.1)
     single = ipdt_tangent(messy, span=0.5)  # the steepest sample is noise
     assert abs(single.num[0] - clean.num[0]) > abs(found.num[0] - clean.num[0])
-
-
-@pytest.mark.parametrize("rule", [three_point, ipdt_tangent, ipdt_least_squares])
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((historian(), T), "y and step must be left out with a Record"),
-        ((historian(), None, 7.0), "y and step must be left out with a Record"),
-        ((T,), "y must be given, unless t is a Record"),
-    ],
-)
-def test_a_record_has_its_own_output_and_step(rule, arguments, message):
-    with pytest.raises(TypeError, match=message):
-        rule(*arguments)
 
 
 def settled(moved=0.0, first=0.04, top=1.0, count=40):
@@ -420,20 +254,17 @@ def test_time_of_rise_in_closed_form():
     assert _rise_time(t[:9], np.arange(9.0)) == pytest.approx(0.5 * 8)  # the last of nine
 
 
-def test_noise_of_a_record_misleads_from_a_hundredth_of_the_change_on():
+@pytest.mark.parametrize(("share", "warns"), [(0.0099, False), (0.0101, True)])
+def test_noise_of_a_record_misleads_from_a_hundredth_of_the_change_on(share, warns):
     """The noise is the standard deviation before the step, the change the mean of the last tenth."""
     t = np.arange(400.0)
-    u = np.where(t < 100, 0.0, 2.0)
     clean = 3.0 * np.interp(t, [102.0, 150.0], [0.0, 1.0])
     wobble = np.where(t < 100, np.resize([1.0, -1.0], 400), 0.0) / np.sqrt(100 / 99)
-    for share, said in ((0.0099, False), (0.0101, True)):
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            ipdt_least_squares(pidalab.Record(t, u, clean + 3.0 * share * wobble))
-        assert (
-            any("the noise of the record is 1 % of the whole change" in str(w.message) for w in caught)
-            == said
-        )
+    record = pidalab.Record(t, np.where(t < 100, 0.0, 2.0), clean + 3.0 * share * wobble)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        ipdt_least_squares(record)
+    assert any("the noise of the record is 1 % of" in str(w.message) for w in caught) == warns
 
 
 def test_the_least_squares_ramp_begins_within_the_shortest_stretch():
@@ -454,35 +285,25 @@ def test_a_record_of_five_samples_is_enough():
     assert (model.num[0], model.delay) == pytest.approx((2.0, 1.5))
 
 
-@pytest.mark.parametrize(
-    ("span", "width"),
-    [(0.5, 1), (0.74, 1), (0.76, 2), (9.5, 19), (0.24, "at least one step of t"), (10.0, "shorter")],
-)
+@pytest.mark.parametrize(("span", "width"), [(0.5, 1), (0.74, 1), (0.76, 2), (9.5, 19)])
 def test_a_span_is_rounded_to_steps(span, width):
     """Of a parabola the best line over some steps has the slope at their middle; the last ones are the steepest."""
     t = 0.5 * np.arange(20)
-    y = 1.0 + t**2
-    if isinstance(width, str):
-        with pytest.raises(ValueError, match=f"span must be .*{width}"):
-            ipdt_tangent(t, y, span=span)
-        return
-    model = ipdt_tangent(t, y, span=span)
+    model = ipdt_tangent(t, 1.0 + t**2, span=span)
     middle = t[-1] - 0.25 * width
-    points = t[-1 - width :]
     assert model.num[0] == pytest.approx(2 * middle)
-    assert model.delay == pytest.approx(max(0.0, middle - np.mean(points**2) / (2 * middle)), abs=1e-12)
+    delay = max(0.0, middle - np.mean(t[-1 - width :] ** 2) / (2 * middle))
+    assert model.delay == pytest.approx(delay, abs=1e-12)
 
 
-def test_the_span_of_a_noisy_record_is_a_third_of_its_rise():
-    noisy = historian(noise=0.02)
-    noisy = pidalab.Record(0.01 * noisy.t, noisy.u, noisy.y)
-    rise = _rise_time(*noisy.after_step())
-    assert rise < 1
-    assert ipdt_tangent(noisy) == ipdt_tangent(noisy, span=rise / 3)
-    assert ipdt_tangent(noisy) != ipdt_tangent(noisy, span=rise / 4)
-
-
-def test_a_warning_of_noise_points_at_the_line_that_asked():
-    with pytest.warns(pidalab.areas.RecordWarning) as caught:
-        ipdt_least_squares(historian(noise=0.3))
-    assert caught[0].filename == __file__
+@pytest.mark.filterwarnings("ignore:the model misses the record")
+@pytest.mark.parametrize("alpha", [0.2, 0.4, 0.6, 0.8])
+@pytest.mark.parametrize("ratio", [1.0, 2 / 3, 1 / 3])
+def test_recovers_a_process_of_the_model_class(alpha, ratio):
+    """The formulas are fits, so the parameters come back roughly and the response closely."""
+    process, t = model_4(ratio, alpha), np.linspace(0.0, 30.0, 6001)
+    y = pidalab.open_loop_step(process, t).y
+    model = three_point(t, y)
+    assert model.gain == pytest.approx(1.0, rel=1e-3)
+    assert (model.tau, model.apparent_delay) == pytest.approx((1.0, ratio), rel=0.15)
+    assert np.max(np.abs(pidalab.open_loop_step(model.process, t).y - y)) < 0.04

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import reduce
 from itertools import product
@@ -22,7 +22,6 @@ from pidalab.rules import classical
 
 FILE = Path(__file__).with_name("tables_of_others.toml")
 AGREEING = ("reproduced", "last-digit", "rounded input", "within tolerance", "holds")
-VERDICTS = (*AGREEING, "differs", "fails")
 SAMPLES = 36_000  # of a step response; times in ninths lie on it
 UNFILTERED = 1e4  # ratio of a derivative time to its filter where the source has none
 RULES = {
@@ -44,23 +43,15 @@ class Row(NamedTuple):
     computed: float
     verdict: str  # that follows
     stored: str  # that the file says
-    counts: bool
-    note: str
 
 
-def read(path: Path = FILE) -> dict[str, Any]:
-    """The sources, plants and tables of the file."""
-    return tomllib.loads(path.read_text(encoding="utf-8"))
-
-
-def rows(data: dict[str, Any] | None = None) -> list[Row]:
+def rows() -> list[Row]:
     """Answer every question."""
-    data = read() if data is None else data
+    data = tomllib.loads(FILE.read_text(encoding="utf-8"))
     return [row for table in data["table"] for row in _answered(table, data)]
 
 
 def _answered(table: Table, data: dict[str, Any]) -> Iterator[Row]:
-    source = data["sources"][table["source"]]
     named = table.get("plant")
     plant = _plant(data["plants"][named] if isinstance(named, str) else named, table.get("gain", 1.0))
     ask, controller = QUESTIONS[table["question"]], table.get("controller")
@@ -75,9 +66,7 @@ def _answered(table: Table, data: dict[str, Any]) -> Iterator[Row]:
         if verdict == "differs" and "tolerance" in table:
             verdict = _by_tolerance(printed, value, table["tolerance"])
         stored = table.get("verdicts", {}).get(answer, "holds" if ">" in printed else "reproduced")
-        note = table.get("note", "") if stored in ("differs", "fails") else ""
-        counts = source["text"] == "read"
-        yield Row(table["source"], table["where"], answer, printed, value, verdict, stored, counts, note)
+        yield Row(table["source"], table["where"], answer, printed, value, verdict, stored)
 
 
 # --- verdicts ---------------------------------------------------------------------------------------------------------
@@ -237,62 +226,6 @@ def ultimate_rule(plant: Any, controller: Any, table: Table) -> Answers:
     return parts | turned | {f"20 {name}": 20 * value for name, value in parts.items()}
 
 
-def amigo_coefficients(plant: Any, controller: Any, table: Table) -> Answers:
-    """The coefficients of AMIGO's formulas, found from the settings that the library gives for many plants."""
-    from scipy.optimize import least_squares
-
-    L = 1.0
-    T = np.geomspace(0.1, 30.0, 25)
-    found = [classical.amigo(pidalab.fopdt(1.0, lag, L), table["kind"]).controller for lag in T]
-    kp, ti, td = np.transpose([(one.kp, one.ti, one.td) for one in found])
-    if table["kind"] == "PI":
-        first = _solve([np.ones_like(T), T / L], kp + L * T / (L + T) ** 2 * T / L)
-
-        def residual(c: Any) -> Any:
-            return (c[0] * L + c[1] * L * T**2 / (T**2 + c[2] * L * T + c[3] * L**2)) / ti - 1
-
-        rest = least_squares(residual, [0.5, 10.0, 10.0, 10.0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        if not rest.success:
-            raise ArithmeticError(f"the coefficients of AMIGO were not found: {rest.message}")
-        return _numbered([*first, *rest.x])
-    # ti (L + c5 T) = (c3 L + c4 T) L, and 1/td = c7/(c6 T) + 1/(c6 L)
-    times = _solve([L**2 * np.ones_like(T), T * L, -T * ti], ti * L)
-    by_lag, by_delay = _solve([1 / T, np.ones_like(T) / L], 1 / td)
-    return _numbered([*_solve([np.ones_like(T), T / L], kp), *times, 1 / by_delay, by_lag / by_delay])
-
-
-def _solve(columns: list[Any], wanted: Any) -> Any:
-    return np.linalg.lstsq(np.transpose(columns), wanted, rcond=None)[0]
-
-
-def _numbered(values: Sequence[float]) -> Answers:
-    return {f"c{k}": float(value) for k, value in enumerate(values, 1)}
-
-
-def padula_visioli(plant: Any, controller: Any, table: Table) -> Answers:
-    """Ms with the rules of Padula and Visioli (2011) for L/T below a ninth, where all orders are 1; by L/T."""
-    answers = {}
-    for text in table["printed"]:
-        L = float(text)
-        tau = L / (L + 1)
-        (a, b, c), *times = PADULA_VISIOLI[table["task"]]
-        kp = a * tau**b + c
-        ti, td = (d * L**e + f for d, e, f in times)
-        num = kp * np.convolve([ti, 1.0], [td, 1.0])
-        loop = pidalab.Loop(
-            pidalab.fopdt(1.0, 1.0, L), control.tf(num, np.convolve([ti, 0.0], [td / 10, 1.0]))
-        )
-        answers[text] = pidalab.max_sensitivity(loop)[0]
-    return answers
-
-
-PADULA_VISIOLI = {  # a, b, c of gain, integral and derivative time
-    "set point 2.0": ((0.9294, -0.9330, -0.9205), (-0.001427, -1.0030, 1.0310), (0.4203, 1.2290, 0.01822)),
-    "load 1.4": ((0.2776, -1.0950, -0.1426), (0.6241, 0.5573, 0.0442), (0.4793, 0.7469, -0.02393)),
-    "load 2.0": ((0.1804, -1.4490, 0.2319), (0.6426, 0.8069, 0.05627), (0.5970, 0.5568, -0.09536)),
-}
-
-
 def simc(plant: Any, controller: Any, table: Table) -> Answers:
     """SIMC in series form, without a filter."""
     found = classical.simc(plant, table["kind"]).controller
@@ -302,16 +235,5 @@ def simc(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {
-    one.__name__: one
-    for one in (
-        margins,
-        crossovers,
-        step,
-        bandwidth,
-        reaction_rule,
-        ultimate_rule,
-        amigo_coefficients,
-        padula_visioli,
-        simc,
-    )
+    one.__name__: one for one in (margins, crossovers, step, bandwidth, reaction_rule, ultimate_rule, simc)
 }

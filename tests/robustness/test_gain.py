@@ -8,11 +8,6 @@ import pidalab
 from pidalab import Loop, Process, gain_for_ms
 
 
-def test_integrator_with_dead_time_in_closed_form():
-    """For k/s e^{-s} the peak of |S| satisfies a scalar equation; k = 0.5 gives 1.590490 (see test_haalman)."""
-    assert gain_for_ms(Loop(pidalab.ipdt(1.0, delay=1.0), 1.0), 1.590490) == pytest.approx(0.5, rel=1e-6)
-
-
 @pytest.mark.parametrize("ms", [1.2, 1.6, 2.0, 5.0])
 @pytest.mark.parametrize(
     ("process", "controller"),
@@ -61,23 +56,12 @@ def test_gain_of_a_biproper_loop(process, expected):
     assert pidalab.is_stable(Loop(process, k))
 
 
-def test_what_no_gain_reaches_is_refused():
-    with pytest.raises(
-        ValueError, match=r"no gain of this controller gives a stable loop that reaches ms = 1\.4"
-    ):
-        gain_for_ms(Loop(pidalab.ipdt(1.0, delay=0.0), 1.0), 1.4)
-    with pytest.raises(ValueError, match=r"ms must be above 1, found 0\.9"):
-        gain_for_ms(Loop(pidalab.lags(3), 1.0), 0.9)
-
-
 def test_bandwidth_in_closed_form():
     """T = 1/(tau s + 1) falls by 3 dB at sqrt(10^0.3 - 1)/tau; a static T never falls."""
     assert pidalab.bandwidth(Loop(pidalab.ipdt(1.0, delay=0.0), 0.5)) == pytest.approx(
         0.5 * np.sqrt(10**0.3 - 1), rel=1e-12
     )
     assert pidalab.bandwidth(Loop(Process([1.0], [1.0]), 0.5)) == np.inf
-    with pytest.raises(ValueError, match="unstable"):
-        pidalab.bandwidth(Loop(pidalab.ipdt(1.0, delay=1.0), 2.0))
 
 
 def test_bandwidth_of_a_loop_with_dead_time_by_a_dense_grid():

@@ -1,4 +1,4 @@
-"""Circle and Popov criterion: hand-solvable loops, dense grids, the controllers of huba2024, bad input."""
+"""Circle and Popov criterion: loops that can be solved by hand, and the controllers of huba2024."""
 
 import dataclasses
 import math
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.robustness import Criterion, circle, linear_part, popov, smallest_filter_time
-from pidalab.robustness.limits import TOLERANCE, ends, infimum
+from pidalab.robustness import circle, linear_part, popov, smallest_filter_time
+from pidalab.robustness.limits import ends, infimum
 from pidalab.rules import automatic_reset as reset
 
 UNIT = pidalab.ipdt(1.0, delay=1.0)
@@ -16,14 +16,6 @@ UNIT = pidalab.ipdt(1.0, delay=1.0)
 
 def design(setting, n=4, te=0.8, **options):
     return reset.tune(UNIT, setting, n=n, filter_time=te / n, **options)
-
-
-def dense(part, theta):
-    """The smallest value on a fine grid: never below the infimum."""
-    w = np.concatenate(
-        [np.logspace(-5, 0, 20_001), np.linspace(1.0, 10.0, 200_001), np.linspace(10.0, 300.0, 200_001)]
-    )
-    return np.min(1 + ((1 + 1j * w * theta) * part(1j * w)).real)
 
 
 @pytest.mark.parametrize("order", range(2, 8))
@@ -65,27 +57,6 @@ def test_lag_with_dead_time(ratio):
     assert math.pi / 2 < ratio * w + math.atan(w) < 1.5 * math.pi
 
 
-def test_integrator_alone():
-    """Re[1 + (1 + jωθ) k/jω] = 1 + θk, whatever ω is."""
-    loop = pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.25)
-    assert circle(loop).margin == 1.0
-    best = popov(loop)
-    assert best.holds
-    assert best.margin == pytest.approx(1 + 0.5 * best.multiplier)
-
-
-@pytest.mark.parametrize("name", reset.SETTINGS)
-@pytest.mark.parametrize("n", [2, 3, 4, 8])
-@pytest.mark.parametrize("theta", [0.0, 0.4, 2.0])
-def test_infimum_beside_a_dense_grid(name, n, theta):
-    part = linear_part(design(reset.SETTINGS[name], n).loop())
-    lowest, where = infimum(part, theta)
-    reference = min(dense(part, theta), *ends(part, theta))
-    assert reference - 1e-6 <= lowest <= reference + 1e-9
-    if 0 < where < math.inf:
-        assert lowest == pytest.approx(1 + ((1 + 1j * where * theta) * part(1j * where)).real, abs=1e-12)
-
-
 @pytest.mark.parametrize("name", reset.SETTINGS)
 @pytest.mark.parametrize(("n", "weight"), [(4, 1.0), (3, 0.5), (2, 1.0)])
 def test_limit_at_zero_frequency(name, n, weight):
@@ -95,46 +66,6 @@ def test_limit_at_zero_frequency(name, n, weight):
     assert ends(linear_part(d.loop()), 0.0)[0] == pytest.approx(limit, abs=1e-14)
     if weight == 1.0:
         assert limit == pytest.approx(d.setting.kd - d.setting.kp, abs=1e-14)
-
-
-LOOPS = [
-    pidalab.Loop(pidalab.lags(3, delay=0.2), pidalab.PIDA(0.4, 3.0, 0.5, 0.0, 8.0)),
-    pidalab.Loop(pidalab.lags(2, delay=1.0), 0.8),
-    design(reset.PI).loop(),
-    design(reset.MRDP_PIDA, 2).loop(),
-]
-
-
-@pytest.mark.parametrize("loop", LOOPS)
-def test_no_multiplier_of_a_grid_has_more_margin_than_that_of_popov(loop):
-    part, best = linear_part(loop), popov(loop)
-    assert best[:2] == infimum(part, best.multiplier)
-    most = min(0.99 * part.reset_time, 10.0)
-    assert all(infimum(part, theta)[0] <= best.margin + TOLERANCE for theta in np.linspace(0.0, most, 15))
-
-
-@pytest.mark.parametrize("n", [2, 4])
-def test_criteria_for_the_controllers_of_the_paper(n):
-    """PI and MRDP-PIDA fail at frequency 0, and Popov's multiplier helps; the others pass as they are."""
-    for name, setting in reset.SETTINGS.items():
-        loop = design(setting, n).loop()
-        simple, best = circle(loop), popov(loop)
-        assert pidalab.is_stable(loop)
-        assert best.holds
-        assert best.margin >= simple.margin
-        assert simple.holds == (name not in ("PI", "MRDP-PIDA"))
-        if not simple.holds:
-            assert simple.frequency == 0.0
-            assert simple.margin == pytest.approx(setting.kd - setting.kp)
-            assert 0 < best.multiplier < loop.controller.ti
-
-
-def test_units():
-    """Another unit of time and of the signals leaves the margin as it is, and scales frequency and multiplier."""
-    one = popov(design(reset.MRDP_PIDA).loop())
-    other = popov(reset.tune(pidalab.ipdt(-0.02, delay=50.0), reset.MRDP_PIDA, n=4, filter_time=10.0).loop())
-    assert other.margin == pytest.approx(one.margin, abs=2e-6)
-    assert other.multiplier == pytest.approx(50 * one.multiplier, rel=1e-4)
 
 
 def test_a_criterion_that_holds_implies_linear_stability():
@@ -149,12 +80,6 @@ def test_a_criterion_that_holds_implies_linear_stability():
             part = linear_part(loop)
             assert all(infimum(part, theta)[0] < 0 for theta in (0.0, 0.1, 0.5, 1.0, 2.0))
     assert 5 < unstable < 40
-
-
-def test_loop_without_reset_is_its_transfer_function():
-    loop = pidalab.Loop(pidalab.fopdt(1.0, 2.0, 1.0), 3.0)
-    s = np.array([0.1j, 2j])
-    assert linear_part(loop)(s) == pytest.approx(loop.L(s), rel=1e-14)
 
 
 def test_output_filter_and_reset_in_the_linear_part():
@@ -212,36 +137,6 @@ def test_the_search_for_a_filter_ends_at_a_thousandth_of_where_it_began(longest)
     assert found(0.9e-3 * longest) == 0
 
 
-def test_smallest_filter_complains():
-    with pytest.raises(ValueError, match=r"the property must hold at longest = 0\.2"):
-        smallest_filter_time(retuned(reset.PI, 4), lambda loop: circle(loop).holds, longest=0.2)
-    with pytest.raises(ValueError, match=r"shortest must be below longest = 0\.2, found 0\.3"):
-        smallest_filter_time(retuned(reset.PID, 4), pidalab.is_stable, longest=0.2, shortest=0.3)
-    with pytest.raises(ValueError, match="longest must be above 0"):
-        smallest_filter_time(retuned(reset.PID, 4), pidalab.is_stable, longest=0.0)
-
-
-@pytest.mark.parametrize(
-    ("process", "controller", "message"),
-    [
-        (pidalab.Process([1.0], [1.0, 0.0, 0.0], 1.0), 1.0, "but for one at 0; found 2 at 0"),
-        (
-            pidalab.Process([1.0], [1.0, -1.0], 1.0),
-            2.0,
-            r"stable, but for one at 0; found one at 1",
-        ),
-        (UNIT, pidalab.PIDA(kp=0.4, ti=6.0), "found 2 at 0"),
-        (UNIT, -1.0, "positive residue, found -1"),
-        (pidalab.Process([1.0, 1.0], [1.0, 2.0], 1.0), 1.0, "must be strictly proper"),
-    ],
-    ids=["double", "unstable", "integral", "positive-feedback", "biproper"],
-)
-def test_bad_loops(process, controller, message):
-    for criterion in (circle, popov):
-        with pytest.raises(ValueError, match=message):
-            criterion(pidalab.Loop(process, controller))
-
-
 def test_short_filter():
     """|F| has a hump of hundreds, around which the dead time turns the phase thousands of times."""
     loop = pidalab.Loop(UNIT, pidalab.SeriesPIDA(0.1, 0.2, 0.05, 0.5, filter_time=1e-3, filter_order=2))
@@ -249,7 +144,3 @@ def test_short_filter():
     w = result.frequency + np.linspace(-20.0, 20.0, 400_001)
     assert result.margin == pytest.approx((1 + linear_part(loop)(1j * w).real).min(), rel=1e-6)
     assert result.margin < -20
-
-
-def test_a_margin_within_the_tolerance_does_not_hold():
-    assert not Criterion(0.5 * TOLERANCE, 1.0, 0.0).holds

@@ -70,56 +70,6 @@ def test_fast_samples_approach_the_continuous_margins(name):
     assert np.all(np.array(errors)[0] / np.array(errors)[-1] > 3)
 
 
-def test_a_dead_time_of_many_samples_is_not_followed_where_the_loop_is_quiet():
-    """Up to half the sampling frequency 20000 samples of dead time would take more frequencies than are allowed."""
-    process, own = fopdt(1.0, 20.0, 20.0), PIDA(0.5, 20.0)
-    true, found = margins(Loop(process, own)), margins(Loop(process, own.discretise(1e-3)))
-    for name in ("ms", "gm", "pm", "dm", "wgc"):
-        assert getattr(found, name) == pytest.approx(getattr(true, name), rel=1e-4)
-
-
-def test_a_simulation_agrees_about_stability():
-    """Misaligned dead time, and a gain just below and above the margin."""
-    process, own = lags(3, delay=0.37), PIDA(1.0, 3.0, 0.5)
-    gm = margins(Loop(process, own.discretise(0.2))).gm
-    t, sizes = 0.2 * np.arange(2000), []
-    for factor in (0.97, 1.03):
-        k = dataclasses.replace(own, kp=factor * gm).discretise(0.2)
-        sizes.append(np.ptp(pidalab.simulate_sampled(Loop(process, k), t, 1.0).y[-100:]))
-    assert sizes[0] < 1e-2
-    assert sizes[1] > 1e2
-
-
-def test_what_is_unstable_has_no_margins():
-    found = margins(Loop(lags(3), PIDA(9.0, 4.0).discretise(0.5)))
-    assert not found.stable
-    assert found.unstable_poles >= 1
-    assert found.ms > 1
-
-
-def test_functions_of_one_margin_take_a_digital_controller():
-    loop = Loop(lags(3), PIDA(1.0, 4.0).discretise(0.5))
-    found = margins(loop)
-    assert pidalab.max_sensitivity(loop) == (found.ms, found.wms)
-    assert pidalab.gain_crossovers(loop).tolist() == found.gain_crossovers.tolist()
-
-
-def test_turns_beyond_count_are_unstable():
-    """A dead time of a million samples under a gain that is loud at all of them: two poles for each turn."""
-    found = margins(Loop(fopdt(1.0, 1.0, 1e3), PIDA(9000.0, 1.0).discretise(1e-3)))
-    assert not found.stable
-    assert found.unstable_poles > 5e5
-
-
-def test_refusals():
-    with pytest.raises(ValueError, match="plant must have a dead time"):
-        margins(Loop(Process([1.0, 1.0], [1.0, 2.0]), PIDA(0.1, 1.0).discretise(0.1)))
-    with pytest.raises(ValueError, match="delay must be at most"):
-        margins(Loop(fopdt(1.0, 1.0, 1e3), PIDA(1.0, 1.0).discretise(5e-4)))
-    with pytest.raises(TypeError, match="is digital"):
-        pidalab.gain_for_ms(Loop(lags(3), PIDA(1.0, 4.0).discretise(0.5)), 1.4)
-
-
 @pytest.mark.parametrize("gain", [0.5, 1.5, 2.0, -0.5])
 def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
     """1/(s + 1) behind a hold: L = K (1 - a)/(z - a), a = e^-h; S and T are largest at an end."""

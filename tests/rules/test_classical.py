@@ -1,7 +1,6 @@
-"""SIMC, AMIGO, lambda tuning and Ziegler-Nichols: published examples, closed forms, what is refused."""
+"""SIMC, AMIGO, lambda tuning, Chien-Hrones-Reswick and Ziegler-Nichols: published examples and closed forms."""
 
-import math
-from functools import partial, reduce
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -9,62 +8,6 @@ import pytest
 import pidalab
 from pidalab.rules import classical
 from pidalab.rules.classical import simc
-
-
-def test_simc_of_two_lags_is_the_published_example():
-    """1/((s+1)(0.2s+1)), the first example of Skogestad (2003): kc = 5.5 and tau_I = 0.8 for PI."""
-    process = pidalab.Process([1.0], np.convolve([1.0, 1.0], [0.2, 1.0]))
-    design = classical.simc(process, kind="PI")
-    assert (design.controller.kp, design.controller.ti) == pytest.approx((5.5, 0.8))
-    assert design.lags == pytest.approx((1.1,))
-    assert design.delay == pytest.approx(0.1)
-
-
-def test_half_rule_of_many_lags_and_a_zero():
-    """(-0.3s+1)(...)/((2s+1)(1s+1)(0.4s+1)(0.2s+1)(0.05s+1)^3): theta = 1.47 and 0.77 (Skogestad's example 2)."""
-    den = np.ones(1)
-    for time in (2.0, 1.0, 0.4, 0.2, 0.05, 0.05, 0.05):
-        den = np.convolve(den, [time, 1.0])
-    process = pidalab.Process([-0.3, 1.0], den)
-    first, second = classical.simc(process, "PI"), classical.simc(process, "PID")
-    assert first.lags == pytest.approx((2.5,), rel=1e-3)
-    assert first.delay == pytest.approx(0.5 + 0.4 + 0.2 + 0.15 + 0.3, rel=1e-3)
-    assert second.lags == pytest.approx((2.0, 1.2), rel=1e-3)
-    assert second.delay == pytest.approx(0.2 + 0.2 + 0.15 + 0.3, rel=1e-3)
-
-
-@pytest.mark.parametrize("kind", ["PI", "PID"])
-def test_simc_cancels_and_has_its_known_margins(kind):
-    """On its own model L = e^(-theta s)/(2 theta s): Ms = 1.59, gain margin pi, phase margin 61.4 degrees."""
-    model = pidalab.Process([2.0], np.convolve([5.0, 1.0], [1.5, 1.0] if kind == "PID" else [1.0]), delay=1.0)
-    design = classical.simc(model, kind, n=1e4)
-    margins = pidalab.margins(design.loop())
-    assert margins.gm == pytest.approx(math.pi, rel=2e-3)
-    assert margins.pm == pytest.approx(61.35, abs=0.1)
-    assert margins.ms == pytest.approx(1.590, rel=2e-3)
-
-
-def test_amigo_pi_keeps_ms_near_its_target():
-    for lag in (0.1, 0.5, 2.0, 10.0, 100.0):
-        ms = pidalab.margins(classical.amigo(pidalab.fopdt(3.0, lag, 1.0), "PI").loop()).ms
-        assert 1.2 < ms < 1.65
-    ms = pidalab.margins(classical.amigo(pidalab.ipdt(0.2, 2.0), "PI").loop()).ms
-    assert 1.3 < ms < 1.5
-
-
-def test_lambda_tuning_gives_the_closed_loop_asked_for():
-    """The lag cancels, L = e^(-Ls)/((lambda + L)s): a first-order response but for the dead time's rest."""
-    design = classical.lambda_tuning(pidalab.fopdt(2.0, 3.0, 0.01), closed_loop_time=1.0)
-    response = pidalab.step_response(design.loop(), np.linspace(0.0, 10.0, 1001))
-    assert np.allclose(response.y, 1 - np.exp(-np.maximum(response.t - 0.01, 0)), atol=0.01)
-
-
-def test_the_batch_has_134_processes():
-    from pidalab.comparison.plants import batch
-
-    cases = list(batch())
-    assert len(cases) == len({case.name for case in cases}) == 134
-    assert all(case.process.num[-1] > 0 for case in cases)
 
 
 @pytest.mark.parametrize("gain", [1.0, -0.25])
@@ -115,8 +58,6 @@ def test_every_rule_beside_its_printed_formula(rule, model, kind, expected):
     found = rule(model, kind).controller
     assert (found.kp, found.ti, found.td, found.ta) == pytest.approx((*expected, 0.0), rel=1e-12)
     assert found.n == 10
-    with pytest.raises(ValueError, match="kind must be 'PI' or 'PID', found 'P'"):
-        rule(model, "P")
 
 
 @pytest.mark.parametrize("kind", ["PI", "PID"])
@@ -162,37 +103,6 @@ def test_chien_hrones_reswick_is_its_table(test, overshoot, kind):
     assert (a * C.kp, C.ti, C.td) == pytest.approx(CHR_TABLE[test, overshoot, kind])
 
 
-def chr_overshoot(test, overshoot, kind, lag):
-    """Per cent of the step of the set point, or of the largest deviation after the load."""
-    loop = classical.chien_hrones_reswick(pidalab.fopdt(1.0, lag, 1.0), test, overshoot, kind).loop()
-    t = np.linspace(0.0, 40.0 + 8 * lag, 8001)
-    if test == "setpoint":
-        return pidalab.step_response(loop, t).overshoot()
-    y = pidalab.load_response(loop, t).y
-    return -100 * y.min() / y.max()
-
-
-@pytest.mark.parametrize("lag", [4.0, 12.0, 50.0])
-def test_what_chien_hrones_and_reswick_reach_on_their_model(lag):
-    """As the docstring has it: 0 and 20 % are what the rules are called, and not what all of them reach."""
-    for kind in ("PI", "PID"):
-        assert chr_overshoot("setpoint", 0, kind, lag) < 2
-    assert chr_overshoot("load", 0, "PI", lag) < 0.1
-    assert chr_overshoot("load", 0, "PID", lag) < 9
-    assert 9 < chr_overshoot("load", 20, "PI", lag) < 40
-    assert 5 < chr_overshoot("load", 20, "PID", lag) < 11
-    assert 27 < chr_overshoot("setpoint", 20, "PID", lag) < 39
-    for kind, test in ((k, t) for k in ("PI", "PID") for t in ("load", "setpoint")):
-        assert chr_overshoot(test, 0, kind, lag) < chr_overshoot(test, 20, kind, lag)
-
-
-def test_the_pi_for_set_points_overshoots_by_a_closed_form():
-    """It cancels the lag: y' = 0.6 (1 - y(t - 1)), cubic where y(t - 1) is 1 and y largest."""
-    v = (0.6 - np.sqrt(0.6**2 - 4 * 0.18 * 0.4)) / (2 * 0.18)  # 0.6 + 0.6 v - 0.18 v^2 = 1
-    peak = 1.02 + 0.6 * (0.4 * v - 0.3 * v**2 + 0.06 * v**3)
-    assert chr_overshoot("setpoint", 20, "PI", 8.0) == pytest.approx(100 * (peak - 1), abs=0.01)
-
-
 def of_times(gain, leads, lags, delay=0.0, integrators=0):
     """gain prod(T s + 1) / (prod(tau s + 1) s^integrators) e^(-s delay)."""
     num, den = (reduce(np.convolve, ([time, 1.0] for time in times), np.ones(1)) for times in (leads, lags))
@@ -231,6 +141,7 @@ def test_simc_takes_all_examples_of_its_author(name, kind):
 @pytest.mark.parametrize(
     ("name", "kind", "gain", "lags", "delay"),
     [
+        ("E1", "PI", 1.0, [1.1], 0.1),
         ("E2", "PI", 1.0, [2.5], 1.47),
         ("E2", "PID", 1.0, [2.0, 1.2], 0.77),
         ("E3", "PI", 1.5, [1.05], 0.15),
@@ -281,8 +192,6 @@ def test_two_integrators():
     s, kc = 0.3j, 1 / (4 * 2.0 * 2.0**2)
     assert design.controller(s) == pytest.approx(kc * (1 + 1 / (8 * s)) * (1 + 8 * s), rel=1e-5)
     assert pidalab.is_stable(design.loop())
-    with pytest.raises(ValueError, match=r"kind must be 'PID' .* found 'PI'"):
-        simc(of_times(2.0, [], [], 1.0, integrators=2), "PI")
 
 
 def test_improved_simc():
@@ -294,33 +203,3 @@ def test_improved_simc():
         assert 1.65 < classical.improved_simc(pidalab.fopdt(1.0, lag, 1.0), n=1e6).ms < 1.73
     alone = classical.improved_simc(of_times(2.0, [], [], 3.0)).controller
     assert alone(s) == pytest.approx((1 / s + 1) / (2 * 4.5))
-
-
-ONE, CHR = pidalab.fopdt(1.0, 1.0, 1.0), classical.chien_hrones_reswick
-
-
-@pytest.mark.parametrize(
-    ("rule", "arguments", "message"),
-    [
-        (simc, (pidalab.sopdt(1, 1, 0.4, 1),), "model .* real stable poles"),
-        (simc, (pidalab.Process([1.0], [1.0, 2 * 0.998, 1.0]),), "real stable poles"),  # imaginary parts of 6 %
-        (simc, (pidalab.Process([1.0], [1.0, -1.0]),), "real stable poles"),
-        (simc, (pidalab.Process([1.0], [1.0, 0.0, 0.0, 0.0]),), "at most two integrators"),
-        (simc, (pidalab.Process([0.5, 0.2, 1.0], [1.0, 2.0, 1.0]),), "real zeros"),
-        (simc, (pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]),), "no zero at 0"),
-        (simc, (pidalab.fopdt(1, 1, 0), "PI"), "closed_loop_time"),
-        (classical.amigo, (pidalab.fopdt(1, 1, 0),), "dead time above 0"),
-        (partial(classical.lambda_tuning, closed_loop_time=0.0), (ONE,), "closed_loop_time must be above 0"),
-        (classical.ziegler_nichols_ultimate, (pidalab.lags(2),), "process"),
-        (classical.ziegler_nichols_ultimate, (pidalab.Process([1.0], [1.0, 1.0, 0.0]),), "process"),
-        (classical.ziegler_nichols_ultimate, (pidalab.Process([1.0], [1.0, -1.0, 0.0], 1.0),), "process"),
-        (CHR, (pidalab.fopdt(1.0, 1.0, 0.0),), "dead time above 0"),
-        (CHR, (pidalab.ipdt(1.0, 1.0),), "one stable pole"),
-        (CHR, (ONE, "noise"), "test must be 'load' or 'setpoint'"),
-        (CHR, (ONE, "load", 10), "overshoot must be 0 or 20, found 10"),
-        (CHR, (ONE, "load", 0, "PIDA"), "kind must be 'PI' or 'PID'"),
-    ],
-)  # fmt: skip
-def test_refusals(rule, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        rule(*arguments)

@@ -1,16 +1,14 @@
-"""One Design for all rules: what each returns, that it does not change, and what it says where something is missing."""
+"""One Design for all rules: what each returns, and that it does not change."""
 
 import copy
 import pickle
 
-import numpy as np
 import pytest
 
 import pidalab
 from pidalab.rules import automatic_reset, direct, haalman, itae, magnitude_optimum, mrdp
 
 SECOND = pidalab.sopdt(1.0, tau=1.5, damping=1.0, delay=1.0)
-REDUCED = pidalab.reduction.to_sopdt(pidalab.lags(3))
 INTEGRATOR = pidalab.ipdt(1.0, delay=1.0)
 TUNES = {
     "haalman": lambda: haalman.tune(pidalab.lags(3, delay=1.0)),
@@ -41,17 +39,17 @@ def test_every_rule_returns_one_design(design):
     assert len(max(str(design).splitlines(), key=len)) < 160
 
 
-def test_info_can_be_read_as_attributes_and_nothing_changes(design):
+def test_info_is_read_as_attributes_and_nothing_changes(design):
     for name, value in design.info.items():
         assert getattr(design, name) is value
         assert name in dir(design)
         assert f"  {name} " in str(design)
-    for change in (lambda: setattr(design, "model", None), lambda: setattr(design, "iae", 1.0)):
+    for name in ("model", "iae"):
         with pytest.raises(AttributeError, match="cannot assign"):
-            change()
-    with pytest.raises(TypeError, match="does not support item assignment"):
+            setattr(design, name, None)
+    with pytest.raises(TypeError, match="item assignment"):
         design.info["iae"] = 1.0
-    with pytest.raises(AttributeError, match="this design has no 'nonsense'; its info has"):
+    with pytest.raises(AttributeError, match="nonsense"):
         _ = design.nonsense
 
 
@@ -59,54 +57,3 @@ def test_a_design_travels(design):
     for other in (pickle.loads(pickle.dumps(design)), copy.copy(design), copy.deepcopy(design)):
         assert (other.controller, other.info, other.source) == (design.controller, design.info, design.source)
         assert str(other) == str(design)
-
-
-def test_every_number_of_a_rule_names_its_source():
-    for name in ("mrdp", "automatic_reset", "magnitude_optimum"):
-        one = TUNES[name]()
-        assert set(one.sources) == set(one.info)
-
-
-def test_areas_are_no_model():
-    areas = pidalab.areas.from_process(pidalab.lags(4), 8)
-    design = magnitude_optimum.tune(areas, m=2, n=3, filter_time=0.1)
-    with pytest.raises(TypeError, match="process must be given"):
-        design.loop()
-    assert pidalab.is_stable(design.loop(pidalab.lags(4)))
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: haalman.tune(SECOND, kind="PDA"), "kind must be 'PIDA', 'PID' or 'PI', found 'PDA'"),
-        (lambda: itae.tune(SECOND, kind="PI"), "kind must be 'PIDA' or 'PID', found 'PI'"),
-        (lambda: itae.tune(SECOND, test="noise"), "test must be 'setpoint' or 'load', found 'noise'"),
-        (lambda: direct.tune(SECOND, test="noise"), "test must be 'setpoint' or 'load', found 'noise'"),
-    ],
-)
-def test_choices(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda d: pidalab.margins(d), r"loop must be a pidalab\.Loop, found Design"),
-        (lambda d: pidalab.simulate(d, np.arange(3.0)), r"found Design"),
-        (lambda d: pidalab.Loop(INTEGRATOR, d), r"controller must .* found Design; pass its \.controller"),
-        (lambda d: pidalab.margins(INTEGRATOR), "found Process"),
-        (
-            lambda d: haalman.pid(REDUCED),
-            r"found SecondOrderModel; pass its \.process",
-        ),
-        (lambda d: pidalab.Loop(REDUCED, 1.0), r"pass its \.process"),
-        (lambda d: magnitude_optimum.tune(REDUCED, 0, 1, 0.1), r"found SecondOrderModel; pass its \.process"),
-        (lambda d: pidalab.areas.from_process(REDUCED, 4), r"found SecondOrderModel; pass its \.process"),
-        (lambda d: pidalab.reduction.to_fopdt(REDUCED), r"found SecondOrderModel; pass its \.process"),
-        (lambda d: pidalab.simulate_sampled(d.loop(), np.arange(9.0), plant=REDUCED), r"pass its \.process"),
-    ],
-)
-def test_errors_say_what_to_pass(call, message):
-    with pytest.raises(TypeError, match=message):
-        call(TUNES["haalman PID"]())

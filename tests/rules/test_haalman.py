@@ -1,10 +1,9 @@
-"""Generalized Haalman rule: cancellation, the gain that reaches Ms, and every refusal."""
+"""Generalized Haalman rule: cancellation, and the gain that reaches Ms."""
 
 import dataclasses
 import math
 from functools import partial
 
-import control
 import numpy as np
 import pytest
 
@@ -41,8 +40,6 @@ def test_times_cancel_the_poles(tuned, key):
 def test_gain_reaches_ms(tuned, key):
     loop = Loop(MODELS[key[0]], tuned[key])
     assert pidalab.max_sensitivity(loop)[0] == pytest.approx(key[1], rel=1e-9)
-    w = np.geomspace(1e-3, 1e3, 2_000_001)
-    assert np.max(np.abs(loop.S(1j * w))) == pytest.approx(key[1], rel=1e-6)  # brute force
     assert pidalab.is_stable(loop)
 
 
@@ -67,12 +64,6 @@ def test_integrator_with_dead_time_in_closed_form():
     assert k == pytest.approx(0.5, abs=1e-4)  # as for 0.5/s e^{-s}, whose Ms is 1.590490
 
 
-def test_the_papers_ratio_is_an_argument():
-    assert haalman.pida(THIRD, m=10).m == haalman.tune(THIRD, m=10).controller.m == 10
-    default = haalman.pida(THIRD, n=20)
-    assert default.ta / default.m == pytest.approx(0.905 / (20 * 3.159))
-
-
 def test_the_ms_of_a_design_is_that_of_its_loop(tuned):
     """The output filter raises it; what was asked for has a name of its own."""
     design = haalman.tune(pidalab.lags(3, delay=1.0), ms=1.4)
@@ -93,24 +84,13 @@ def test_a_short_unit_of_time_makes_a_filter_fast_and_no_digit_wrong(unit):
     assert areas[0] == pytest.approx(areas[1], rel=1e-6)
 
 
-LIGHT = Process([1.0], np.convolve([1.0, 0.02, 1.0], [10.0, 1.0]), delay=0.1)
+@pytest.mark.parametrize("model", [THIRD, Process([1.0], [1.0, 1.0, -1.0]), Process([1.0], [1.0, 1.0, 0.0])])
+def test_pid_refuses_models_without_two_stable_poles(model):
+    with pytest.raises(ValueError, match="model"):
+        haalman.pid(model)
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        *((lambda ms=ms: haalman.pid(SECOND, ms=ms), ValueError, "ms must be") for ms in (1.0, -2.0, math.nan)),
-        (lambda: haalman.pida(SECOND), ValueError, r"constant numerator \(not 0\) and 3 stable poles"),
-        *((lambda model=model: haalman.pid(model), ValueError, "two stable poles")
-          for model in (THIRD, Process([1.0], [1.0, 1.0, -1.0]), Process([1.0], [1.0, 1.0, 0.0]))),
-        (lambda: haalman.pid(control.tf([1.0], [1.0, 2.0, 1.0])), TypeError, "model must be a pidalab.Process"),
-        (lambda: haalman.pida(THIRD, n=0.0), ValueError, "n must be above 0"),
-        (lambda: haalman.pida(THIRD, m=-1.0), ValueError, "m must be above 0"),
-        (lambda: haalman.tune(THIRD, kind="P"), ValueError, "kind must be"),
-        (lambda: haalman.output_filter(LIGHT, pidalab.PIDA(1.0, 10.0)), ValueError, "one gain crossover, found 3"),
-        (lambda: haalman.output_filter(pidalab.lags(2), pidalab.PIDA(0.5, math.inf)), ValueError, "found 0"),
-    ],
-)  # fmt: skip
-def test_refusals(call, error, message):
-    with pytest.raises(error, match=message):
-        call()
+def test_ratio_of_the_acceleration_filter():
+    assert haalman.pida(THIRD, m=10).m == haalman.tune(THIRD, m=10).controller.m == 10
+    default = haalman.pida(THIRD, n=20)
+    assert default.ta / default.m == pytest.approx(0.905 / (20 * 3.159))

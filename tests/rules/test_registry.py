@@ -1,7 +1,6 @@
 """One entry makes a rule known to tune, compare, report and the command line."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from pidalab.rules import Design, registry
 from pidalab.rules.registry import RULES, Rule, find
 
 PLANT = pidalab.fopdt(1.0, lag=4.0, delay=1.0)
-BOOK = Path(__file__).parents[2] / "book"
 
 
 def known_at_every_door(name, tmp_path):
@@ -88,19 +86,6 @@ def test_a_rule_knows_no_unit(rule):
         np.testing.assert_allclose(-0.02 * found, expected, rtol=1e-6)
 
 
-def test_names():
+def test_rules_are_found_by_any_spelling():
     assert find("ZIEGLER-NICHOLS") is RULES["Ziegler-Nichols ultimate"]
     assert (find("itae").name, find("direct").name) == ("itae load", "direct load")
-    with pytest.raises(ValueError, match=r"rule must be 'optimal', 'haalman', 'simc'.*, found 'best'"):
-        find("best", "optimal")
-    with pytest.raises(ValueError, match=r"rule must be .*, found None"):
-        find(None)
-    with pytest.raises(ValueError, match="found ''"):
-        find("")
-    with pytest.raises(ValueError, match="kind must be 'PID' for 'imc', found 'PI'"):
-        RULES["imc"].tune(PLANT, "PI")
-
-
-def test_the_reference_lists_the_registry():
-    assert "pidalab.rules.registry" in (BOOK / "api" / "rules.md").read_text(encoding="utf-8")
-    assert all(name in registry.__doc__ for name in RULES)
