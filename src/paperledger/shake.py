@@ -24,7 +24,7 @@ with rows that are called computed also run with changed prints and an exact lib
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial, wraps
@@ -423,12 +423,12 @@ def judged(row: Row, runs: Runs, shaker: Shaker) -> str:
     return said and f"{row.id}: {said} ({row.page}, cell {cell})"
 
 
-def report(rows: Iterable[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list[str]:
+def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list[str]:
     """Judge rows by what their pages handed over; the first line counts, each other line is a row that is refused.
 
     Parameters
     ----------
-    rows : iterable of Row
+    rows : sequence of Row
         The rows that some page has to hand over.
     shaker : Shaker
         What was shaken.
@@ -455,8 +455,7 @@ def report(rows: Iterable[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
             wrong.append(said)
         else:
             counts["stay" if making(row.made)[1] else "move"] += 1
-    total = sum(counts.values()) + len(wrong)
-    head = f"{counts['move']} of {total} rows move, {counts['stay']} say why they stay"
+    head = f"{counts['move']} of {len(rows)} rows move, {counts['stay']} say why they stay"
     return [head + f", {len(wrong)} refused" * bool(wrong), *wrong]
 
 
@@ -522,9 +521,8 @@ def shake(
     book, chosen = place.parent, [*keys] or papers(place)
     all_rows = {paper: Ledger.open(paper, folder=place).rows.values() for paper in chosen}
     rows = {paper: [row for row in some if row.basis != "reading"] for paper, some in all_rows.items()}
-    found = {path for paper in chosen for path in pages(paper, place)}
     # the long ones first, so that none is left for the end
-    paths = sorted(found, key=lambda path: -path.stat().st_size)
+    paths = sorted({p for paper in chosen for p in pages(paper, place)}, key=lambda p: -p.stat().st_size)
     clean = {row.page for some in rows.values() for row in some if _starts_clean(row)}
     os.environ["MPLBACKEND"] = "Agg"
     import_module(shaker.package)

@@ -21,9 +21,9 @@ from pidalab.plant.reporting import REPORT_COLUMNS
 from pidalab.rules.registry import RULES
 
 ROOT = Path(__file__).parents[2]
-SPEC = importlib.util.spec_from_file_location("plant_record", ROOT / "studies" / "plant_record.py")
-plant_record = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(plant_record)
+SPEC = importlib.util.spec_from_file_location("records", ROOT / "studies" / "records.py")
+records = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(records)
 CODE = ["controller.c", "controller.json", "controller.py", "controller.st", "report.html"]
 
 
@@ -58,7 +58,7 @@ def save(path, header, *columns):
 def record(tmp_path_factory):
     """A historian's file of a plant with three lags, not the one of the book."""
     path = tmp_path_factory.mktemp("plant") / "step.csv"
-    path.write_text(plant_record.text(seed=8), encoding="utf-8")
+    path.write_text(records.plant_record(seed=8), encoding="utf-8")
     return path
 
 
@@ -78,7 +78,7 @@ QUICK = ("--kind", "PI", "--rule", "simc", "--model", "fopdt", "--ms-worst", 3, 
 
 
 def test_book_record_matches_its_script():
-    assert read(plant_record.FILE) == plant_record.text()
+    assert read(records.DATA / "plant_record.csv") == records.plant_record()
 
 
 def test_record_becomes_code_that_is_safe_on_the_true_plant(record, tmp_path):
@@ -91,7 +91,7 @@ def test_record_becomes_code_that_is_safe_on_the_true_plant(record, tmp_path):
     assert "no vendor block for: ideal, series, parallel (these blocks have no acceleration" in printed
     assert "noise gain at most" in printed
     worst, sampled = (float(re.search(rf"{name}: (\S+)", printed)[1]) for name in ("worst Ms", "Ms sampled"))
-    loop = pidalab.Loop(plant_record.TRUE, controller_in(tmp_path))
+    loop = pidalab.Loop(records.PLANT, controller_in(tmp_path))
     assert pidalab.margins(loop).ms <= worst <= 2.0
     assert sampled == pytest.approx(1.6, abs=0.01)
     heads = [read(tmp_path / file).count("Doubt ") for file in CODE[:4]]

@@ -5,6 +5,7 @@ import math
 import control
 import numpy as np
 import pytest
+from engine_errors import oracle, oracle_loop
 
 import pidalab
 from pidalab.robustness import max_control_sensitivity
@@ -65,3 +66,15 @@ def test_beside_a_dense_grid(name):
     assert expected.max() <= mks * (1 + 1e-12)
     assert mks == pytest.approx(np.abs(loop.transfer("u", "n", 1j * at)), rel=1e-9)
     assert at == pytest.approx(w[np.argmax(expected)], rel=1e-4)
+
+
+# The largest gain from noise to the control signal against the oracle: to 1e-9, its place to 1e-6.
+
+CASES = [case for case in oracle("margins.json")["cases"] if case["values"].get("mks")]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_peak_of_the_control_sensitivity(case):
+    mks, at = max_control_sensitivity(oracle_loop(case))
+    assert mks == pytest.approx(float(case["values"]["mks"]), rel=1e-9)
+    assert at == pytest.approx(float(case["values"]["wmks"]), rel=1e-6)

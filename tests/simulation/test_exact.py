@@ -5,6 +5,7 @@ import math
 import control
 import numpy as np
 import pytest
+from engine_errors import oracle, worst_error
 from scipy.special import gammainc
 
 import pidalab
@@ -138,3 +139,14 @@ def test_open_loop_step_of_any_block(block):
     same = pidalab.open_loop_step(Loop(block, 0.0).process, TIME)
     assert np.array_equal(record.y, same.y)
     assert record.final == same.final
+
+
+# The exact engine against the high-precision oracle.
+
+
+@pytest.mark.parametrize("points", [2, 14, 401], ids=lambda n: f"{n}points")
+@pytest.mark.parametrize("case", oracle("delay_loops.json")["cases"], ids=lambda case: case["name"])
+def test_oracle(case, points):
+    """1e-9 relative to max(1, |value|) (or the running envelope) at every time, aligned with the dead time or not."""
+    error, where = worst_error(case, points)
+    assert error <= 1e-9, where

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from engine_errors import oracle, sampled_oracle_loop
 
 import pidalab
 from pidalab import PIDA, Loop
@@ -52,3 +53,20 @@ def test_noise_gain_without_a_process():
     late = pidalab.Process([0.0], [1.0, 1.0])
     assert pidalab.noise_gain(Loop(late, 3.0), 0.1) == 3.0
     assert pidalab.noise_gain(Loop(pidalab.fopdt(1.0, 1.0, 0.5), 0.0), 0.1) == 0.0
+
+
+# The noise gain of sampled loops against the oracle: to 1e-9, while 1e-12 of the squares may be left out.
+
+CASES = [case for case in oracle("sampled_loops.json")["cases"] if case["values"]["stable"]]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_noise_gain(case):
+    found = pidalab.noise_gain(sampled_oracle_loop(case), case["sample_time"])
+    assert found == pytest.approx(float(case["values"]["noise_gain"]), rel=1e-9)
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c["method"] == "zoh"], ids=lambda case: case["name"])
+def test_noise_gain_of_a_continuous_controller(case):
+    found = pidalab.noise_gain(sampled_oracle_loop(case, digital=False), case["sample_time"])
+    assert found == pytest.approx(float(case["values"]["noise_gain"]), rel=1e-9)

@@ -5,6 +5,7 @@ import math
 import control
 import numpy as np
 import pytest
+from engine_errors import oracle, sampled_oracle_loop
 from scipy.special import gammainc
 
 import pidalab
@@ -148,3 +149,31 @@ def test_paths_keep_their_own_poles_and_share_a_common_one():
     plant = AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 2.0, control.tf([0.5], [7.0, 1.0]))
     assert plant.falling(0.4j) == pytest.approx(1 / (2 * 0.4j + 1) ** 2 + 0.5 / (7 * 0.4j + 1), rel=1e-12)
     assert AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 2.0, 0.5).rising(0.0) == pytest.approx(1.5)
+
+
+# Responses of loops with a digital controller against the oracle: to 1e-9 of max(1, the largest value so far).
+
+
+@pytest.mark.parametrize("case", oracle("sampled_loops.json")["cases"], ids=lambda case: case["name"])
+def test_responses(case):
+    loop, t = sampled_oracle_loop(case), case["sample_time"] * np.arange(case["samples"])
+    for source in ("setpoint", "load"):
+        found = pidalab.simulate_sampled(loop, t, **{source: 1.0})
+        for signal in ("y", "u"):
+            if f"{source}.{signal}" in case["values"]:
+                true = np.array(case["values"][f"{source}.{signal}"], float)
+                error = np.abs(getattr(found, signal)[case["values"]["picked"]] - true)
+                assert np.max(error / np.maximum.accumulate(np.maximum(1.0, np.abs(true)))) <= 1e-9
+
+
+@pytest.mark.parametrize(
+    "case",
+    [case for case in oracle("sampled_loops.json")["cases"] if case["method"] == "zoh"],
+    ids=lambda case: case["name"],
+)
+def test_a_continuous_controller_is_discretised_for_held_inputs(case):
+    """It is the digital controller of the method zoh."""
+    loop, t = sampled_oracle_loop(case, digital=False), case["sample_time"] * np.arange(case["samples"])
+    found = pidalab.simulate_sampled(loop, t, setpoint=1.0)
+    true = np.array(case["values"]["setpoint.y"], float)
+    assert np.max(np.abs(found.y[case["values"]["picked"]] - true)) <= 1e-9
