@@ -116,7 +116,7 @@ class Rule:
         """
         if kind not in self.models:
             raise ValueError(
-                f"kind must be {' or '.join(map(repr, self.kinds))} for {self.name!r}, found {kind!r}"
+                f"kind must be {' or '.join(map(repr, self.kinds))} for the rule {self.name!r}, found {kind!r}"
             )
         return self.design(model, kind, requirements)
 
