@@ -101,7 +101,7 @@ def caption(state: dict, many: dict[str, list[float]]) -> str:
 
     quiet, loud = (limit for limit, _ in many.values())
     return (
-        f"The best PI, PID and PIDA controllers for $e^{{-s}}/(s+1)^3$ after a step of the load, at the same "
+        f"These are the best PI, PID and PIDA controllers for $e^{{-s}}/(s+1)^3$ after a step of the load, at the same "
         f"robustness, $M_s = {MS}$, and with no more than the same noise in $u$. At a relative noise gain of "
         f"{quiet:g} acceleration saves {saved(quiet):.0f} % of the IAE here{pays(saved(quiet))} and "
         f"{many['quiet'][1]:.0f} % in the median of [134 plants](across/which-controller.ipynb); at {loud:g} it saves "
