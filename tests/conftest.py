@@ -47,7 +47,7 @@ os.environ.setdefault("DRAW_SEED", str(random.SystemRandom().randrange(10**6)))
 
 @pytest.hookimpl(tryfirst=True)  # before kernels are started, which would make it, too
 def pytest_configure(config):
-    """Have machine code that is not there made once, by two processes: each worker would make most of it again."""
+    """Compile the kernels once, if they are not compiled: each worker would compile most of them again."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         return
     from pidalab._compiled import TIER, is_complete
@@ -55,13 +55,7 @@ def pytest_configure(config):
     TIER.begin()
     if not TIER.ready or is_complete():
         return
-    halves = [
-        subprocess.Popen([sys.executable, "-c", f"from pidalab.warm_up import {part}; {part}()"])
-        for part in ("respond", "sample")
-    ]
-    for half in halves:
-        half.wait()
-    subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)  # records that all is compiled
+    subprocess.run([sys.executable, "-m", "pidalab.warm_up"], check=False)
 
 
 def pytest_report_header():

@@ -45,11 +45,10 @@ def prepare() -> None:
     """Import what pages import, and compile the engine, before each page gets a process of its own."""
     from tqdm import tqdm
 
-    from pidalab.warm_up import respond, sample
+    from pidalab.warm_up import use_all
 
     tqdm.monitor_interval = 0  # no thread that watches its bars: this process forks
-    respond()
-    sample()
+    use_all()
 
 
 NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # they only say which plant is meant

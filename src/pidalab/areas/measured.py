@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 from warnings import warn
 
 import numpy as np
@@ -37,7 +37,7 @@ class RecordWarning(UserWarning):
     """The record is too short, too noisy or does not suit the model."""
 
 
-def is_record(given: Any) -> bool:
+def is_record(given: Any) -> TypeGuard[Any]:
     """Return True for a plant record, such as `pidalab.Record`, which may be given in place of times."""
     return hasattr(given, "after_step")
 

@@ -294,7 +294,8 @@ class Axis(ABC):
 
     def peak(self, kind: int) -> tuple[float, float]:
         """Return the supremum of |S|, |T| or half of |S - T|, and where it lies."""
-        return self.supremum(kind, *(_height_at_an_end(kind, L) for L in (self.at_zero, self.at_end)))
+        at_zero, at_end = (_height_at_an_end(kind, L) for L in (self.at_zero, self.at_end))
+        return self.supremum(kind, at_zero, at_end)
 
     def supremum(
         self, kind: int, at_zero: float, at_end: float, weight: Callable[[Any], Any] | None = None
