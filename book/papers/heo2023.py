@@ -11,7 +11,6 @@ from scipy.optimize import minimize
 
 import pidalab
 from pidalab import plots
-from pidalab.roots import succeeded
 from pidalab.rules import direct, itae
 
 EXAMPLES = {  # eqs. (17), (18) and (19)
@@ -228,7 +227,9 @@ def least(model, test, start, ms=math.inf, sharp=1e-3):
         options = {"initial_simplex": np.vstack([x, x + size * np.eye(4)])}
         options |= {"xatol": sharp, "fatol": 1e-2 * sharp}
         found = minimize(cost, x, method="Nelder-Mead", options=options)
-        x = succeeded(found, "the least ITAE").x
+        if not found.success:
+            raise ArithmeticError(f"the least ITAE was not found: {found.message}")
+        x = found.x
     return controller(x)
 
 
