@@ -110,7 +110,7 @@ def test_killed_compiler_delays_the_next_attempt(tmp_path):
     wait_until(lambda: not compilers(tmp_path), 10)
     run(START, NUMBA_CACHE_DIR=tmp_path)
     assert not compilers(tmp_path)
-    (attempt,) = tmp_path.glob("compiled-*/*")
+    (attempt,) = tmp_path.glob("compiled-*/attempt-*")
     for later, started in ((500, 1), (700, 2)):  # seconds after the attempt began
         os.utime(attempt, (time.time() - later,) * 2)
         run(START, NUMBA_CACHE_DIR=tmp_path)

@@ -348,7 +348,7 @@ MESSAGES = {
         (partial(chr_rule, LAG, "load", 10), "overshoot must be 0 or 20, found 10"),
         (partial(mo.tune(areas.from_process(P, 8), m=2, n=3, filter_time=0.1).loop), "process must be given"),
         (partial(find, "best", "optimal"), "rule must be 'optimal', 'haalman', 'simc'.*, found 'best'"),
-        (partial(RULES["imc"].tune, LAG, "PI"), "kind must be 'PID' for 'imc', found 'PI'"),
+        (partial(RULES["imc"].tune, LAG, "PI"), "kind must be 'PID' for the rule 'imc', found 'PI'"),
     ],
     "areas": [
         (partial(areas.from_process, UNIT, 4), "process must have a static gain"),

@@ -199,7 +199,8 @@ def _responses(cut, step, n, intervals, norm):
     # What the outputs read of a stack, and the ages that are needed to carry it there. One run serves all times of an
     # interval if it is at most half as long again, since that spares a second stack.
     run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**run_bits else 2**run_bits
-    rows = output_rows(cut.C, cut.direct, Cv, D, most, run, powers, -low)
+    rows = output_rows(cut.C, cut.direct, Cv, D, cut.settled_u, most, run, powers, -low)
+    outputs = rows.shape[1] // run
     read = rows.shape[0] // size
     if read == most and most < intervals + 1:
         return result, most, TOO_DEEP
@@ -265,7 +266,17 @@ def _responses(cut, step, n, intervals, norm):
                 add_rows(out, stack[(ages_left - used) * size :], rows, (read - used) * size, 0)
                 for m in range(min(run, last - begin)):
                     for q in range(3):
-                        result[i, q, begin + m] = out[3 * m + q]
+                        result[i, q, begin + m] = out[outputs * m + q]
+                    if outputs > 3 and distance + step * (begin + m - first) > cut.settling:
+                        result[i, 2, begin + m] = out[outputs * m + 3]
+                if outputs > 3 and distance == 0.0 and begin == first and k > 0:
+                    # A jump at a multiple moves the fast part only after it, so just there the oldest states count too.
+                    settled_u = 0.0
+                    for j in range(size if ages_left == k + 1 else 0, ages_left * size):
+                        place = j - ages_left * size + read * size
+                        if place >= 0:
+                            settled_u += stack[j] * rows[place, 3]
+                    result[i, 2, begin] = settled_u
         if work > MAX_WORK:
             return result, most, TOO_MANY
         first = last

@@ -13,13 +13,15 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgebal
+from scipy.linalg.lapack import dgebal, zgetrf, zgetrs
 
 from pidalab._check import Array
 from pidalab.controllers import Fraction
-from pidalab.loop import Loop, require_well_posed
+from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
+
+AGES = 8  # of the states that a fast part reads: each older one has passed its filter once more
 
 
 def without_slow_parts(
@@ -61,27 +63,82 @@ def times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
     return value.real
 
 
+def times_ring_function(
+    row: Array,
+    direct: Array,
+    delayed: tuple[Array, Array, Array, Array],
+    num: Array,
+    poles: Any,
+    dead_time: bool,
+) -> Array:
+    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: what a far faster block makes of a signal.
+
+    As `times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
+    """
+    A, B, Cv, D = delayed
+    if not dead_time:
+        W = np.linalg.solve(np.eye(len(D)) - D, Cv)
+        return times_function(row + direct @ W, A + B @ W, num, poles)[None]
+    signal = np.vstack([row, _delayed_row(direct, Cv, D)])
+    value = np.zeros(signal.shape, dtype=complex)
+    for coefficient in num:
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(AGES):
+            now = value[age].copy()
+            value[age] = now @ A + late @ Cv + coefficient * signal[age]
+            late = late @ D + now @ B
+    for pole in poles:
+        factors, pivots, _ = zgetrf(A.T - pole * np.eye(len(A)))
+        late = np.zeros(len(D), dtype=complex)
+        for age in range(AGES):
+            value[age] = zgetrs(factors, pivots, value[age] - late @ Cv)[0]
+            late = late @ D + value[age] @ B
+    return value.real
+
+
+def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
+    """Return what direct W reads of x(t - delay), x(t - 2 delay), ..."""
+    read = []
+    for _ in range(AGES - 1):
+        read.append(direct @ Cv)
+        direct = direct @ D
+    return np.array(read)
+
+
 # A part of the controller is decoupled if its slowest pole is FASTER times as fast as all states that drive it and the
 # loop gain there is below HIGH_GAIN; to a much faster loop the plant is a chain of integrators. With FASTER = 100, u
 # after a step of the load was off by up to 5e-8 of its largest value: the kick of a filter 50 times faster than its
 # plant, 1e5 times y, was a difference of nearly equal states.
 FASTER, HIGH_GAIN = 10.0, 100.0
+# If a part beyond STIFF times is kept out of the process, slower parts stay with the slow ones.
+STIFF = 100.0
+# Beyond this factor u is read from the states that drive a settled fast part, past and present, and no longer from the
+# states of that part, whose rounding grows with the factor. What the fast part sends through the process, which falls
+# with the square of the factor, is left out.
+VERY_STIFF = 1e6
+SENDS_LITTLE = 1e-5
+# Time constants after which a mode is negligible, even one that began as 1e7 times u.
+FADED_AWAY = 60.0
 
 
 class Cut(NamedTuple):
     """The loop opened at the dead time, driven by w(t) = v(t - delay), the delayed process input.
 
-    x' = A x + B w,  v = Cv x + D w,  outputs = C x + direct w, from x(0) = x0; the step inputs are states too.
+    x' = A x + b w,  v = c_v x + d_v w,  outputs = C x + d w, from x(0) = x0; the step inputs are states too.
     """
 
     A: Array  # (n, n)
-    B: Array  # (n, 1)
-    Cv: Array  # (1, n)
-    D: Array  # (1, 1)
+    B: Array  # (n, channels)
+    Cv: Array  # (channels, n)
+    D: Array  # (channels, channels)
     C: Array  # (3, n), rows: y, running integral of y, u
-    direct: Array  # (3, 1)
+    direct: Array  # (3, channels)
     x0: Array  # (n, inputs), the state just after a unit step on each input
     delay: float
+    settled_u: (
+        Array  # (ages, n), what u reads of x(t), x(t - delay), ... once its fast part has settled; or no ages
+    )
+    settling: float  # time for which that part moves after a multiple of the delay
 
 
 class _Blocks(NamedTuple):
@@ -92,20 +149,25 @@ class _Blocks(NamedTuple):
     delay: float
 
 
-class _States:
-    """States x of the cut loop, block by block: x' = A x + B w, with the signal w that comes out of the dead time.
+# Channels of the dead time. The first is the process input without what fast parts of the controller add to it. If
+# there are such parts, the second is the error that drives them, and the third is what they send through the process.
+INPUT, ERROR, RUSH = range(3)
 
-    A signal of the loop is a row: its coefficients of x and w.
+
+class _States:
+    """States x of the cut loop, block by block: x' = A x + B W, with the signals W that come out of the dead time.
+
+    A signal of the loop is a row: its coefficients of x and W.
     """
 
-    def __init__(self, size: int, inputs: int) -> None:
-        self.size, self.moves = size, np.zeros((size, size + 1))
+    def __init__(self, size: int, inputs: int, channels: int) -> None:
+        self.size, self.moves = size, np.zeros((size, size + channels))
         self.A, self.B = self.moves[:, :size], self.moves[:, size:]
         self.x0 = np.eye(size, inputs)  # of the constants behind the step inputs
         self.used = inputs
 
     def signal(self, place: int) -> Array:
-        """Return the signal that is one of x and w, or the signal 0 for -1."""
+        """Return the signal that is one of x and W, or the signal 0 for -1."""
         row = np.zeros(self.moves.shape[1])
         if place >= 0:
             row[place] = 1.0
@@ -123,10 +185,11 @@ class _States:
         row[places] = block.c
         return row
 
-    def append_decoupled(self, part: Part, source: Array, driving: int) -> slice:
-        """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row; return their places.
+    def append_decoupled(self, part: Part, source: Array, driving: int) -> tuple[slice, Array]:
+        """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row.
 
-        The states x are the first `driving` ones, which drive the part. The output of the part is c (X x + distance).
+        The states x are the first `driving` ones, which drive the part. Returns the places of the distances, and X. The
+        output of the part is c (X x + distance).
 
         Notes
         -----
@@ -147,7 +210,7 @@ class _States:
         self.B[places] = part.b[:, None] * source[self.size :] - X @ self.B[x]
         self.x0[places] = -X @ self.x0[x]
         self.used = places.stop
-        return places
+        return places, X
 
 
 @lru_cache(maxsize=64)
@@ -192,11 +255,16 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     slow parts of the controller, fast parts. Each signal is a row over states and delayed signals, so that what is
     appended next can read it.
 
-    Fast parts of the controller, those whose poles are much faster than all that drives them, are decoupled. Their
-    states are the distances from X x, and u reads the rest at once, as the transfer function of the fast parts at the
-    matrix of the slow states, H(A_x). Without fast parts u is the direct part of the error and the sum of all parts.
+    Three cases differ in the fast parts of the controller, those whose poles are much faster than all that drives them:
 
-    Without dead time the loop is closed at the end: w = Cv x + D w.
+    * none: u is the direct part of the error and the sum of the slow parts;
+    * decoupled: the states of a fast part are their distances from X x, and u reads the rest at once, as the part's
+      transfer function at the matrix of the slow states, H(A_x);
+    * kept out of the process: the kicks of a very stiff part, up to 1e8 times what comes through the process, would
+      cancel there. The dead time then has three channels, and the third carries what the part sends through the
+      process in the long run.
+
+    Without dead time the loop is closed at the end: W = Cv x + D W.
     """
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
@@ -204,37 +272,71 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     driving_poles = _poles(loop, "prefilter").tolist() + _poles(loop, "process").tolist()
     fastest = max(map(abs, driving_poles), default=0.0)
     above, below = (abs(_value(p, 1j * fastest)) for p in loop.open_loop)
-    slow = len(parts)
+    slow, apart = len(parts), False
     if above < HIGH_GAIN * below:
-        slow = sum(abs(part.poles[0]) <= FASTER * fastest for part in parts)
+        speeds = [abs(part.poles[0]) for part in parts]
+        slow = sum(speed <= STIFF * fastest for speed in speeds)
+        apart = slow < len(parts) and _sends_little(loop, parts[slow:], direct, fastest)
+        if not apart:
+            slow = sum(speed <= FASTER * fastest for speed in speeds)
     fast = parts[slow:]
     size = len(inputs) + process.b.size + 1 + prefilter.b.size + sum(part.b.size for part in parts)
-    states = _States(size, len(inputs))
+    channels = 3 if apart else 1
+    states = _States(size, len(inputs), channels)
     r, d, n = (inputs.find(key) for key in "rdn")
 
-    y = states.append_series(process, states.signal(size), process.d)
+    y = states.append_series(process, states.signal(size + INPUT), process.d)
+    fast_fraction: tuple[Any, Any] = (
+        without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
+    )
+    if apart:
+        # the effect of the fast part on the process in the long run: its transfer function at the process's matrix
+        states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
+        y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, states.signal(r), prefilter.d)
     error, driving = filtered - y - states.signal(n), states.used
-    u, A, B = direct * error, states.A, states.B
-    if fast:  # the direct effect of the error is read from the slow states, below
+    u = direct * error
+    if fast:  # its direct effect is read from the slow states, below
         u[:size] = 0.0
     for part in parts[:slow]:
         u += states.append_series(part, error)
+    rows, A, B, slow_states = np.array([y, area, u]), states.A, states.B, states.used
     if fast:
-        fraction = without_slow_parts(parts[:slow], *control, fast)
-        u[:driving] += times_function(error[:driving], A[:driving, :driving], *fraction)
+        u_row, rush = rows[2, :size], np.zeros(size)  # a view
+        u_row[:driving] += times_function(error[:driving], A[:driving, :driving], *fast_fraction)
+        num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
         for part in fast:
-            u[states.append_decoupled(part, error, driving)] = part.c
-    rows, v = np.array([y, area, u]), (u + states.signal(d))[None]
-    C, direct_C, Cv, D = rows[:, :size], rows[:, size:], v[:, :size], v[:, size:]
-    if not loop.delay:  # close the loop at once: w = Cv x + D w
-        W = Cv / (1 - D)
+            place, X = states.append_decoupled(part, error, driving)
+            u_row[place] = part.c
+            if apart:
+                rush[place] = times_function(part.c, part.A, num, poles)
+                rush[:driving] += rush[place] @ X
+    # a fast part that is kept apart adds to the process input by its own channel
+    v = (u if apart else rows[2]) + states.signal(d)
+    Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
+    if apart:
+        Cv, D = np.stack([v[:size], error[:size], rush]), np.zeros((channels, channels))
+        D[ERROR] = error[size:]
+        slow_places = slice(slow_states)
+        settled = np.zeros((AGES if loop.delay else 1, size))
+        settled[:, slow_places] = times_ring_function(
+            error[slow_places],
+            error[size:],
+            (A[slow_places, slow_places], B[slow_places], Cv[:, slow_places], D),
+            *fast_fraction,
+            bool(loop.delay),
+        )
+        settled[0] += u[:size]
+        settling = FADED_AWAY / float(np.min(np.abs(fast[0].poles)))
+    C, direct_C = rows[:, :size], rows[:, size:]
+    if not loop.delay:  # close the loop at once: W = Cv x + D W
+        W = np.linalg.solve(np.eye(channels) - D, Cv)
         A, C = A + B @ W, C + direct_C @ W
         B, Cv, D, direct_C = (np.zeros_like(x) for x in (B, Cv, D, direct_C))
     if not (np.isfinite(A).all() and np.isfinite(B).all() and np.isfinite(C).all()):
         raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
-    return _balanced(Cut(A, B, Cv, D, C, direct_C, states.x0, loop.delay))
+    return _balanced(Cut(A, B, Cv, D, C, direct_C, states.x0, loop.delay, settled, settling))
 
 
 def _balanced(cut: Cut) -> Cut:
@@ -251,7 +353,26 @@ def _balanced(cut: Cut) -> Cut:
         C=cut.C * scale,
         direct=np.ascontiguousarray(cut.direct),
         x0=cut.x0 / scale[:, None],
+        settled_u=cut.settled_u * scale,
     )
+
+
+def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
+    """Return True if the kicks of fast parts have almost no effect on the output of the process.
+
+    The height of a kick is the direct part, or, behind a filter, the gain of the controller for a signal as fast as the
+    parts. `driving` is the speed of the fastest state that drives them.
+    """
+    speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
+    process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
+    if not min(speeds) > VERY_STIFF * driving or len(process[0]) == len(process[1]):
+        return False
+    kick = max(abs(direct), *(abs(_ratio(control, 1j * x) * _ratio(output_filter, 1j * x)) for x in speeds))
+    return bool(abs(_ratio(process, 1j * min(speeds))) * kick < SENDS_LITTLE)
+
+
+def _ratio(block: tuple[Array, Array], s: complex) -> Any:
+    return _value(block[0], s) / _value(block[1], s)
 
 
 def _poles(loop: _Blocks, block: str) -> Array:

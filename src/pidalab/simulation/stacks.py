@@ -81,7 +81,7 @@ def _longest(size, ages, power, order, most):
 
 
 @compiled
-def output_rows(C, direct, Cv, D, most, run, powers, base):
+def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
     """Return what the outputs at `run` times in succession read of a stack: (its states, times and outputs).
 
     Notes
@@ -89,12 +89,13 @@ def output_rows(C, direct, Cv, D, most, run, powers, base):
     Rows for one time are what the outputs read themselves. Rows for twice as many times follow by a product with the
     next power: the same reads, one power later. In between ages are dropped that no output reads.
     """
-    outputs, order = C.shape
-    wide, ages = outputs * run, 1
+    order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
+    wide = outputs * run
+    ages = min(most, max(1, settled.shape[0]))
     if direct.any():
-        ages = most if D.any() else min(most, 2)
+        ages = most if D.any() else max(ages, min(most, 2))
     rows = np.zeros((ages * order, wide))
-    for q in range(outputs):
+    for q in range(3):
         for j in range(order):
             rows[(ages - 1) * order + j, q] = C[q, j]
         reading = direct[q].copy()
@@ -106,6 +107,9 @@ def output_rows(C, direct, Cv, D, most, run, powers, base):
             for j in range(order):
                 rows[place + j, q] = read[j]
             reading = passed
+    for age in range(min(ages, settled.shape[0])):
+        for j in range(order):
+            rows[(ages - 1 - age) * order + j, 3] = settled[age, j]
     size = _reads(rows, outputs, order, outputs)
     kept = _read_ages(size)
     rows, ages = rows[(ages - kept) * order :], kept
