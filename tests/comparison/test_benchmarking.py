@@ -1,5 +1,7 @@
 """A rule of the user on the stored plants: the same judge as for the library's rules, wherever it is computed."""
 
+import io
+
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -38,9 +40,9 @@ def test_a_rule_of_the_library_gets_its_stored_rows(found):
     assert again.ranking().loc[("simc", "PI"), "plants"] > 90
 
 
-def test_a_refusal_is_kept_and_counted(found, tmp_path):
+def test_a_refusal_is_kept_and_counted(found):
     assert found.refusals().sum() == found.rows.query("terms == 'own'")["ms"].isna().sum()
-    back = pd.read_csv(found.csv(tmp_path / "rows.csv"))["iae_load"].to_numpy()
+    back = pd.read_csv(io.StringIO(found.csv()))["iae_load"].to_numpy()
     assert back == pytest.approx(found.rows["iae_load"].to_numpy(float), rel=1e-4, nan_ok=True)
 
     def picky(process):
