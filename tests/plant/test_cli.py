@@ -315,11 +315,10 @@ def test_console_without_some_characters(tmp_path):
     assert b"Usage: pidalab [OPTIONS]" in helped.stdout
 
 
-COLUMNS = {"time": "0", "u": "1", "y": "2"}
 DEFAULTS = {  # users' scripts depend on them
-    "tune": {"kind": "PIDA", "rule": "optimal", "skip": 0, "model": "auto", "deadband": 0, **COLUMNS},
-    "report": {"rule": "optimal", "skip": 0, "model": "auto", **COLUMNS},
-    "check": {"lag": 0, "td": 0, "ta": 0, "skip": 0, **COLUMNS},
+    "tune": {"kind": "PIDA", "rule": "optimal", "skip": 0, "model": "auto", "deadband": 0},
+    "report": {"rule": "optimal", "skip": 0, "model": "auto"},
+    "check": {"lag": 0, "td": 0, "ta": 0, "skip": 0},
     "compare": {"num": "1", "delay": 0},
     "simulate": {"num": "1", "delay": 0, "td": 0, "ta": 0, "setpoint": 1, "load": 0},
     "benchmark": {"model": "process", "workers": 2},

@@ -161,7 +161,7 @@ def unclipped(high=100.0):
         "the output for u": (text([(k, 2 * y + 1, y) for k, _, y in ROWS]), (), "u is a copy of y"),
         "two runs": (text(ROWS + ROWS), (), "at row 122, from 119 to 0: the file holds 2 runs"),
         "no such run": (text(ROWS + ROWS), ("--run", 3), "run must be at most 2"),
-        "a word": (text(ROWS).replace("\n50,47", "\n50,open"), (), "row 52, column 1"),
+        "a word": (text(ROWS).replace("\n50,47", "\n50,open"), (), "row 52, column "),
         "an unclipped output": (text(unclipped()), ("--model", "sopdt"), "is not what reached the plant"),
     }.values(),
 )

@@ -105,9 +105,9 @@ def numbers(ctx: click.Context, param: click.Parameter, value: str) -> list[floa
         raise click.BadParameter(f"must be numbers with commas between them, found {value!r}") from None
 
 
-def column(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
+def column(ctx: click.Context, param: click.Parameter, value: str | None) -> str | int | None:
     """Take digits for the number of a column and anything else for its name."""
-    return int(value) if value.isdecimal() else value
+    return int(value) if value is not None and value.isdecimal() else value
 
 
 ms = click.option("--ms", default=1.6, help="Largest maximum sensitivity.")
@@ -122,9 +122,14 @@ plant = add_options(
     click.option("--delay", default=0.0, help="Dead time."),
 )
 columns = add_options(
-    click.option("--time", default="0", callback=column, help="Column of the times: name, or number from 0."),
-    click.option("--u", default="1", callback=column, help="Column of the plant's input."),
-    click.option("--y", default="2", callback=column, help="Column of the measured output."),
+    click.option(
+        "--time",
+        callback=column,
+        show_default="time, or 0",
+        help="Column of the times: name, or number from 0.",
+    ),
+    click.option("--u", callback=column, show_default="u, or 1", help="Column of the plant's input."),
+    click.option("--y", callback=column, show_default="y, or 2", help="Column of the measured output."),
 )
 GAINS = ("kp", "ti", "td", "ta", "n", "m")
 times = add_options(

@@ -64,11 +64,16 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
       pidalab rule --ku 250 --tu 7200
       pidalab rule relay.csv --time time --u heater --y temperature
     """
-    from pidalab.plant.record.reading import read_columns
+    from pidalab.plant.record.reading import ROLES, read_columns
     from pidalab.plant.ultimate import models_of, relay_oscillation, rule_table
 
     if relay is not None and ku is None and tu is None:
-        wave = relay_oscillation(*read_columns(relay, [columns[name] for name in ("time", "u", "y")]).values)
+        wave = relay_oscillation(
+            *read_columns(
+                relay,
+                [default if columns[role] is None else columns[role] for role, default in ROLES.items()],
+            ).values
+        )
         ku, tu = wave.ku, wave.tu
         click.echo(str(wave))
     elif relay is not None or ku is None or tu is None:
