@@ -249,7 +249,7 @@ MESSAGES = {
         ),
     ],
     "robustness": [
-        (partial(pidalab.margins, Loop(fopdt(1e300, 1.0, 1.0), 1e300)), "range of numbers"),
+        (partial(pidalab.margins, Loop(fopdt(1e300, 1.0, 1.0), 1e300)), "overflows"),
         (partial(pidalab.margins, Loop(Process([-1.0, 2.0], [1.0, 3.0]), 1.0)), "ill-posed"),
         (partial(pidalab.phase_crossovers, L, quietest=-1), "quietest must"),
         (
@@ -261,7 +261,7 @@ MESSAGES = {
         (partial(pidalab.gain_for_ms, Loop(ipdt(1.0, delay=0.0), 1.0), 1.4), "no gain of .* reaches ms = 1"),
         (partial(pidalab.bandwidth, Loop(UNIT, 2.0)), "unstable"),
         (partial(pidalab.relative_noise_gain, Loop(CHAIN, 9.0)), "stable"),
-        (partial(shortest, lambda loop: False, longest=0.2), r"the property must hold at longest = 0\.2"),
+        (partial(shortest, lambda loop: False, longest=0.2), r"holds must be true at longest = 0\.2"),
         (partial(shortest, pidalab.is_stable, longest=0.2, shortest=0.3), "shortest must be below longest = 0.2"),
         (partial(robustness.circle, Loop(Process([1.0], [1.0, 0.0, 0.0], 1.0), 1.0)), "for one at 0; found 2 at 0"),
         (partial(robustness.popov, Loop(UNSTABLE, 2.0)), "poles of the forward path must be stable, but for one at 0"),

@@ -79,7 +79,7 @@ def test_responses_and_margins_of_random_loops(engine):
             for name in ("ms", "gm", "pm", "dm"):
                 assert found[name] == pytest.approx(getattr(true, name), rel=1e-4), (name, said)
         else:
-            end = min(end, 10 * loop.process.delay or 1.0)  # before it leaves the range of numbers
+            end = min(end, 10 * loop.process.delay or 1.0)  # before it overflows
         try:
             true = pidalab.simulate(loop, np.linspace(0.0, end, POINTS), setpoint=setpoint, load=load)
         except ValueError as refusal:  # of what grows, rounding may leave fewer digits than are promised
