@@ -264,7 +264,7 @@ MESSAGES = {
         (partial(shortest, lambda loop: False, longest=0.2), r"holds must be true at longest = 0\.2"),
         (partial(shortest, pidalab.is_stable, longest=0.2, shortest=0.3), "shortest must be below longest = 0.2"),
         (partial(robustness.circle, Loop(Process([1.0], [1.0, 0.0, 0.0], 1.0), 1.0)), "for one at 0; found 2 at 0"),
-        (partial(robustness.popov, Loop(UNSTABLE, 2.0)), "poles of the forward path must be stable, but for one at 0"),
+        (partial(robustness.popov, Loop(UNSTABLE, 2.0)), "poles of the forward path must be stable, except one at 0"),
         (partial(robustness.circle, Loop(UNIT, -1.0)), "the pole at 0 must have a positive residue, found -1"),
         (partial(robustness.popov, Loop(Process([1.0, 1.0], [1.0, 2.0], 1.0), 1.0)), "must be strictly proper"),
         (
@@ -410,7 +410,7 @@ MESSAGES = {
         (partial(optimal, L, 1), "pass its .process"),
         (partial(optimal, LAG, 1, mks=0.5), r"mks must be above 1/\|P\(0\)\| = 1"),
         (partial(optimal, LAG, 1, disk=2.0), "disk must be below 2, .* found 2"),
-        (partial(optimal, LAG, 1, sample_time=2.0), "noise_gain is missing"),
+        (partial(optimal, LAG, 1, sample_time=2.0), "sample_time needs noise_gain"),
         (partial(optimal, LAG, 1, noise_gain=9.0, sample_time=1e3), "sample_time must"),
         (partial(optimal, Process([1.0], [1.0, 0.0]), 1, noise_gain=2.0), "process"),
         (partial(optimal, ZERO, 1), "static gain"),

@@ -162,7 +162,9 @@ def test_a_cluster_far_to_the_left_does_not_hide_the_others():
     value = loop.transfer("y", "d", pair[:1] * (1 + 1e-9))
     assert abs(value[0]) > 1e6
     assert pair.real == pytest.approx([4.90829e-04] * 2, rel=1e-5)
-    with pytest.raises(ArithmeticError, match="the 10 rightmost poles cannot be separated from their neighbours"):
+    with pytest.raises(
+        ArithmeticError, match="the 10 rightmost poles cannot be separated from their neighbours"
+    ):
         pidalab.rightmost_poles(loop, 10)
 
 

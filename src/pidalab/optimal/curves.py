@@ -51,8 +51,8 @@ class _Point:
     def end(self, louder: _Point | None = None) -> None:
         """Make the design, from the next higher noise limit if that is met, or by `load` if descents fail."""
         noise = self.limits.noise_gain
-        # If no controller meets a higher limit, none meets this one. If the optimum for a higher limit meets this one, it
-        # is the optimum here, too.
+        # If no controller meets a higher limit, none meets this one. If the optimum for a higher limit meets this one,
+        # it is the optimum here, too.
         if louder is not None and (louder.design is None or louder.design.noise_gain <= noise):
             self.design = louder.design
             return
@@ -89,9 +89,9 @@ def find_curves(
     Returns
     -------
     dict of tuple to Design
-        Designs by order, limit of Ms and limit of noise, without those that no controller meets. If both end in the same
-        local optimum, the IAE equals that of `load` within 0.2 %: at 141 of 144 points of eight plants, and within 1.1 %
-        at the others. ``digits`` is 2.
+        Designs by order, limit of Ms and limit of noise, without those that no controller meets. If both end in the
+        same local optimum, the IAE equals that of `load` within 0.2 %: at 141 of 144 points of eight plants, and
+        within 1.1 % at the others. ``digits`` is 2.
 
     Raises
     ------

@@ -48,8 +48,8 @@ REST = 1e-3  # allowed relative error of the integral by the transform
 GAIN_UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
 BARRIER = 1e9  # value of the objective for an unstable loop
 
-Slope = Callable[[], Array]  # Function of the slope at a point. A line search needs only values, so slopes are computed
-on request.
+# A line search needs only values, so slopes are computed on request.
+Slope = Callable[[], Array]
 PEAKS = ("ms", "mks", "mt", "inverse_disk")  # half of |S - T| is one over the disk margin
 MS, MKS, MT, INVERSE_DISK = range(4)  # kinds of heights
 
@@ -157,7 +157,7 @@ class Problem:
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
-                # By Parseval the integral of weight times slope over time is one over frequency, with a single transform.
+                # By Parseval the integral of weight times slope over time is one over frequency, by a single transform.
                 weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
@@ -172,8 +172,8 @@ class Problem:
     def _characteristic(self) -> None:
         r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` on the axis, for a process b/a of order n.
 
-        Its zeros are the poles of the loop, and its poles are stable. So along the axis f turns by -pi for each unstable
-        pole of the loop.
+        Its zeros are the poles of the loop, and its poles are stable. So f turns by -pi along the axis for each
+        unstable pole of the loop.
         """
         process, sigma = self.process, 1 / self.time
         speeds = np.abs(roots(process.den)) * self.time
@@ -195,8 +195,8 @@ class Problem:
     def slack(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
         """Return the function of the slack of limits at frequencies w, and of its gradient.
 
-        The limits are those of `PEAKS`, by name. Another process may replace that of the problem. With r, the square of a
-        height over its limit, the slack is 1/r - 1 for |S| and (1 - r)/(1 + r) for the others.
+        The limits are those of `PEAKS`, by name. Another process may replace that of the problem. With r, the square of
+        a height over its limit, the slack is 1/r - 1 for |S| and (1 - r)/(1 + r) for the others.
         """
         s = 1j * w
         plant, actions = (process or self.process)(s), self._actions(s)
@@ -374,7 +374,7 @@ class SampledNoise:
                 self.by_time[k + 1, n - k + j] = -n * math.comb(k + 1, j) * (-1) ** j
 
     def _controller(self, x: Array) -> tuple[Array, Callable[[], Array]]:
-        """Return the sampled controller at the frequencies, and the parts of its slopes by gains and log filter time."""
+        """Return the sampled controller at the frequencies, and parts of its slopes by gains and log filter time."""
         n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
         powers = time ** np.arange(1.0, -n, -1.0)
         lags = self._lags(time, n + 1).view(float)  # real numbers times pairs of them
