@@ -82,7 +82,7 @@ def test_repr_names_what_is_there():
 def test_a_loop_does_not_change(name):
     """Half a change would be wrong in silence: the new dead time with the old gain."""
     loop = pidalab.Loop(PROCESS, 0.5)
-    with pytest.raises(AttributeError, match="a Loop does not change; make a new one"):
+    with pytest.raises(AttributeError, match="a Loop cannot be changed; make a new one"):
         setattr(loop, name, pidalab.ipdt(5.0, 2.0))
     with pytest.raises(TypeError, match="item assignment"):
         loop.blocks["process"] = loop.blocks["controller"]

@@ -113,7 +113,7 @@ MESSAGES = {
         (partial(Process.from_control, "1/s"), "sys must be a number, a controller or a transfer function,"),
         (partial(fopdt, 1.0, 0.0, 1.0), "lag must be above 0, found 0"),
         (partial(require_no_zero_at_origin, "model", ZERO), "model must have a static gain other than 0, or an int"),
-        (partial(roots, np.ones(500)), "degree 499 is too long: at most 400"),
+        (partial(roots, np.ones(500)), "must be at most 400, found 499"),
         (partial(roots, np.random.default_rng(0).normal(size=120)), "the roots of a polynomial of degree 119 are"),
         (partial(pidalab.noise_scale, ipdt(1.0, delay=0.0)), "process"),
     ],
