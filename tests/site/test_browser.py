@@ -10,8 +10,6 @@ import pytest
 from looking import NARROW, OVERFLOW, barriers, contrasts, looked_over
 from pictured import astray
 
-from paperledger import papers
-
 
 class QuietHandler(SimpleHTTPRequestHandler):
     def log_message(self, *args):
@@ -77,15 +75,6 @@ def test_a_page_cannot_ask_another_host(home, visit):
 def test_an_address_that_encodes_nothing(place, home, visit):
     _, wrong = visit(f"{home}/book/{place}")
     assert wrong == []
-
-
-def chapters(root):
-    return [f"book/{paper}" for paper in papers(root / "book" / "ledger")]
-
-
-def test_method_chapters_are_in_the_table_of_contents(root, toc):
-    assert chapters(root)
-    assert set(chapters(root)) <= set(toc)
 
 
 def test_the_theme_is_that_of_the_readers_system(home, visit):
@@ -214,7 +203,6 @@ KINDS = ".pidalab-live, .pidalab-task, .exercise, figure, .math.notranslate"
 SHOWN = (
     "() => [...document.querySelectorAll('.slide')].findIndex((slide) => slide.classList.contains('now')) + 1"
 )
-BESIDE = "() => { const now = document.querySelector('.now'); return now.scrollWidth - now.clientWidth }"
 PROJECTOR = {"width": 1280, "height": 720}
 
 

@@ -22,7 +22,7 @@ from driving import (
     value_of,
     wait_for_columns,
 )
-from looking import NARROW, OVERFLOW, barriers
+from looking import NARROW
 from pictured import plots
 
 import pidalab
@@ -138,29 +138,6 @@ def test_a_drag_studies_one_design_and_moves_its_lines(lab):
     assert all(a != b for a, b in zip(before, page.evaluate(lines), strict=True))
     page.wait_for_function(SAVED)
     assert page.evaluate("() => counted().saved") == 1
-
-
-MADE = """async (select) => {
-  const parts = "[class^=lab-] :is(path, text, td)", before = new Set(document.querySelectorAll(parts));
-  let made = 0;
-  for (const name of ["createElement", "createElementNS"]) {
-    const create = document[name];
-    document[name] = function (...what) { made++; return create.apply(this, what); };
-  }
-  select.value = "heo-1";
-  select.dispatchEvent(new Event("change"));
-  await new Promise(requestAnimationFrame);
-  const after = [...document.querySelectorAll(parts)];
-  return { made, fresh: after.filter((part) => !before.has(part)).length, all: after.length };
-}"""
-
-
-def test_a_change_of_all_axes_and_numbers_makes_few_parts_of_the_page(lab):
-    """No more than there are ticks more than before: what stays is not laid out again."""
-    page = lab()
-    three_kinds(page)
-    found = page.get_by_label("plant", exact=True).evaluate(MADE)
-    assert max(found["made"], found["fresh"]) < 0.1 * found["all"]
 
 
 AT_ONCE = """const { lab } = document.querySelector(".pidalab-lab");
@@ -713,12 +690,3 @@ def test_an_unstable_loop_beyond_all_numbers_has_axes(lab):
     announced(page, "unstable")
     axes = page.locator(".lab-plots svg").first
     assert axes.locator(".lab-tick").count() > 6
-
-
-def test_dark_on_a_phone(lab):
-    page = lab(theme="dark", viewport=NARROW)
-    announced(page)
-    assert page.locator("html").get_attribute("data-theme") == "dark"
-    assert page.evaluate(OVERFLOW) <= 1
-    assert page.locator(".lab-plots svg").count() == 6
-    assert barriers(page, runOnly=["color-contrast"]) == []
