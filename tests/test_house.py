@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SRC = ROOT / "src"
 DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports run one way.**")[1]
-LIBRARY, WING = DESIGN.split("Inside the wing as well:")
+LIBRARY, WING = DESIGN.split("The modules of `plant` are ordered, too:")
 # a door, or a method, hands on to the wing, and loads it when it is first used
 ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # what a user runs
 HANDS_ON = {
@@ -93,7 +93,7 @@ def misplaced():
                 yield f"CONTRIBUTING does not name {own}"
                 continue
             for target in arrows(module) - {HANDS_ON.get(module)}:
-                if target == "pidalab" and module not in ATOP:
+                if target == "pidalab" and module not in ATOP and ".cli." not in module:
                     yield f"{module} imports the whole library"
                 elif target.startswith(f"{package}.") and place.get(room(target, package), 99) > place[own]:
                     yield f"{module} imports {target}, which comes later"

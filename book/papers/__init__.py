@@ -1,22 +1,22 @@
-"""What the chapters of the book compute with, a module for each paper."""
+"""What the chapters of the book compute with: a module for each paper, and what their audits share."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 
-import pandas as pd
-
-
-def spell(id: str, words: Mapping[str, str]) -> str:
-    """Return an id of the ledger, or a part of one, as the paper writes its names."""
-    parts = id.split(".")
-    if id in words or words.keys().isdisjoint(parts):  # a name already
-        return words.get(id, id)
-    return ", ".join(words.get(part, part) for part in parts)
+from paperledger import Ledger
 
 
-def spelled(table: pd.DataFrame, words: Mapping[str, str]) -> pd.DataFrame:
-    """Return a table with its ids spelled; other labels stay."""
+def ends(book: Ledger, id: str) -> tuple[float, float]:
+    """Return the smallest and the largest number that round to the printed one."""
+    printed, half = book.printed(id), book.row(id).half_unit * (1 + 1e-9)
+    return printed - half, printed + half
 
-    def shown(label: Hashable) -> Hashable:
-        return spell(label, words) if isinstance(label, str) else label
 
-    return table.rename(index=shown, columns=shown)
+def agreeing(book: Ledger, values: Mapping[str, float]) -> int:
+    """Count the numbers, by their ids, that round to the printed ones."""
+    bounds = {id: ends(book, id) for id in values}
+    return sum(low <= values[id] <= high for id, (low, high) in bounds.items())
+
+
+def distance(book: Ledger, id: str, value: float) -> tuple[float, float]:
+    """Return how far a number is from the printed one, and half a unit of its last digit."""
+    return abs(value - book.printed(id)), book.row(id).half_unit

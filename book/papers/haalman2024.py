@@ -68,28 +68,21 @@ def draw(loop, ex, ms):
     """Draw a figure of the paper: set-point and load step, y above u, one noisy run of each."""
     figure, axes = plt.subplots(2, 2, figsize=(5.0, 4.4))
     last = horizon[f"{ex}.pida.{ms}"]
-    first = 4 if ex == "ex1" else 15  # u after a step of the set point
-    for (y, u), (test, step), end in zip(
-        axes.T, tests.items(), (first, last), strict=True
-    ):
-        for kind, label in kinds.items():
-            clean, noisy = (
-                pidalab.simulate(loop[f"{ex}.{kind}.{ms}"], t, **step, noise=n)
-                for n in (0 * t, noise[0])
-            )
-            for ax, name, until in ((y, "y", last), (u, "u", end)):
-                shown = t <= until
-                (line,) = ax.plot(
-                    *plots.thin(t[shown], getattr(clean, name)[shown], 100), label=label
-                )
-                style = {"color": line.get_color(), "alpha": 0.35, "linewidth": 0.6}
-                ax.plot(
-                    *plots.thin(t[shown], getattr(noisy, name)[shown], 80),
-                    "-",
-                    **style,
-                )
-        y.set(title=f"{test.replace('setpoint', 'set-point')} step", xlim=(0, last))
-        u.set(xlabel="time units", xlim=(0, end))
+    ends = (
+        4 if ex == "ex1" else 15,
+        last,
+    )  # of u after a step of the set point, and of the load
+    for (y, u), (test, step), end in zip(axes.T, tests.items(), ends, strict=True):
+        clean, noisy = (
+            {
+                label: pidalab.simulate(loop[f"{ex}.{kind}.{ms}"], t, **step, noise=n)
+                for kind, label in kinds.items()
+            }
+            for n in (0 * t, noise[0])
+        )
+        plots.signal(y, clean, "y", until=last, faint=noisy)
+        plots.signal(u, clean, "u", until=end, faint=noisy)
+        y.set(title=f"{test.replace('setpoint', 'set-point')} step", xlabel="")
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set_ylabel("control u")
     plots.legend(figure)

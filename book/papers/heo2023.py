@@ -65,38 +65,21 @@ def run(case, until=200):
 
 def draw(ex, until, first):
     """Draw Figs 2 to 4, and below them the control signal, whose first kick is cut off and written out."""
-    figure, axes = plt.subplots(2, 2, figsize=(5.6, 4.4))
+    figure, axes = plt.subplots(2, 2, figsize=(5.6, 4.0))
     for (y, u), test, end in zip(axes.T, TESTS, (first, until), strict=True):
-        for method, label in LABELS.items():
-            one = run((ex, method, test), until)
-            early = one.t <= end
-            y.plot(*plots.thin(one.t, one.y, 120), label=label)
-            u.plot(*plots.thin(one.t[early], one.u[early], 120), label=label)
-        y.set(xlim=(0, until), title=f"{test.replace('setpoint', 'set-point')} step")
-        u.set(xlim=(0, end), xlabel="time units")
+        runs = {
+            label: run((ex, method, test), until) for method, label in LABELS.items()
+        }
+        plots.signal(y, runs, "y", until=until)
+        plots.signal(u, runs, "u", until=end)
+        y.set(xlabel="", title=f"{test.replace('setpoint', 'set-point')} step")
     u = {method: run((ex, method, "setpoint"), until).u for method in LABELS}
-    first_pida, first_pids = u["proposed"][0], (u["itae2"][0], u["imc"][0])
-    kick = f"cut off: at first\nPIDA {first_pida:.0f}, then −{-u['proposed'].min():.0f}"
-    kick += "\nPIDs {:.0f} and {:.0f}".format(*first_pids)
+    kick = f"cut off: at first\nPIDA {u['proposed'][0]:.0f}, then −{-u['proposed'].min():.0f}"
+    kick += f"\nPIDs {u['itae2'][0]:.0f} and {u['imc'][0]:.0f}"
     place = {"ha": "right", "va": "top", "transform": axes[1, 0].transAxes}
     axes[1, 0].text(1.0, 1.0, kick, **place)
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set(ylabel="control u", ylim=(-5, 15))
-    plots.legend(figure)
-
-
-def draw_late(ex, start, until):
-    """Draw how the outputs come to rest."""
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.4))
-    for ax, test, level in zip(axes, TESTS, (1.0, 0.0), strict=True):
-        for method, label in LABELS.items():
-            one = run((ex, method, test), until)
-            shown = one.t >= start
-            ax.plot(*plots.thin(one.t[shown], one.y[shown] - level, 120), label=label)
-        ax.set(
-            xlabel="time units", title=f"{test.replace('setpoint', 'set-point')} step"
-        )
-    axes[0].set_ylabel("output y, off its end")
     plots.legend(figure)
 
 

@@ -252,7 +252,8 @@ class Ledger:
             raise
         if relation.is_identity and kept.verdict == "holds":  # its decade depends on the machine
             return f"holds: largest residual ≤ {relation.right}"
-        return f"{kept.verdict}: {kept.shown()}" + (f" ({kept.remark})" if kept.remark else "")
+        remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # `claims` lists the cases
+        return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:
         """Return the row of what is handed over, if it takes something of this kind."""

@@ -10,7 +10,7 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.roots import quadratic_roots
-from pidalab.signals import FEWEST_JUDGED, Signals
+from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
 ARRIVED_SHARE = 0.1  # of the final value: allowed at the end of a record whose overshoot is read
 
@@ -89,8 +89,10 @@ class Response(Signals):
         >>> Response(t=[0.0, 1.0, 2.0], r=1.0, d=0.0, n=0.0, y=[0.0, 2.0, 0.0], u=0.0).ie()
         0.0
         """
-        (c0, c1, c2), s, _ = self._pieces(self._require_integrable(horizon))
-        return float(self.step * np.sum(s * (c0 + s * (c1 / 2 + s * c2 / 3))))
+        pieces = self._pieces(self._require_integrable(horizon))
+        return float(
+            self.step * sum(np.sum(s * (c0 + s * (c1 / 2 + s * c2 / 3))) for (c0, c1, c2), s, _ in pieces)
+        )
 
     def iae(self, horizon: float | None = None) -> float:
         r"""Integral of the absolute control error, :math:`\int |e|\,dt`.
@@ -155,22 +157,29 @@ class Response(Signals):
 
     def _absolute(self, horizon: float | None, base: float, slope: float) -> float:
         """Integrate |e| times the weight base + slope t."""
-        curve, end, start = self._pieces(horizon)
 
-        def integrals(curve: Array, start: Array, cuts: Array) -> Array:
-            (c0, c1, c2), s = curve, cuts
-            plain = np.diff(s * (c0 + s * (c1 / 2 + s * c2 / 3)), axis=0)
-            rising = np.diff(s**2 * (c0 / 2 + s * (c1 / 3 + s * c2 / 4)), axis=0)
-            weighted = (base + slope * start) * np.abs(plain) + slope * self.step * np.abs(rising)
-            return np.asarray(np.sum(weighted, axis=0))
+        def areas_until(curve: Curve, s: Array) -> tuple[Array, Array]:
+            """Integrate e, and s e where it counts, from 0 to s."""
+            c0, c1, c2 = curve
+            plain = s * (c0 + s * (c1 / 2 + s * (c2 / 3)))
+            return plain, s * s * (c0 / 2 + s * (c1 / 3 + s * (c2 / 4))) if slope else np.zeros_like(plain)
 
-        pieces = integrals(curve, start, np.stack([np.zeros_like(end), end]))
-        # where e can change its sign, the integral is cut at its zeros
-        few = np.abs(curve[0]) <= np.abs(curve[1]) + np.abs(curve[2])
-        ends = np.stack([np.zeros(few.sum()), end[few]])
-        cuts = np.sort(np.clip(np.vstack([ends, quadratic_roots(*curve[:, few])]), 0.0, ends[1]), axis=0)
-        pieces[few] = integrals(curve[:, few], start[few], cuts)
-        return float(self.step * np.sum(pieces))
+        def weighted(plain: Array, rising: Array, start: Array) -> Array:
+            return (base + slope * start) * np.abs(plain) + slope * self.step * np.abs(rising)
+
+        total = 0.0
+        for curve, end, start in self._pieces(horizon):
+            areas = weighted(*areas_until(curve, end), start)
+            # where e can change its sign, the integral is cut at its zeros
+            few = np.flatnonzero(np.abs(curve[0]) <= np.abs(curve[1]) + np.abs(curve[2]))
+            if few.size:
+                c0, c1, c2 = (c[few] for c in curve)
+                cuts = np.vstack([np.zeros(few.size), end[few], quadratic_roots(c0, c1, c2)])
+                cuts = np.sort(np.clip(cuts, 0.0, end[few]), axis=0)
+                plain, rising = (np.diff(part, axis=0) for part in areas_until((c0, c1, c2), cuts))
+                areas[few] = weighted(plain, rising, start[few]).sum(axis=0)
+            total += self.step * np.sum(areas)
+        return float(total)
 
     def ise(self, horizon: float | None = None) -> float:
         r"""Integral of the squared control error, :math:`\int e^2\,dt`.
@@ -394,7 +403,7 @@ class Response(Signals):
 
     def _top(self, target: float) -> tuple[float, float]:
         """Return time and height, as a share of the final value, of the extreme of y."""
-        (c0, c1, c2), _, start = self._pieces(None)
+        [((c0, c1, c2), _, start)] = self._pieces(None, self.t.size)
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
         places = np.stack([np.zeros(top.size), top, np.ones(top.size)])

