@@ -116,6 +116,8 @@ MESSAGES = {
         (partial(roots, np.ones(500)), "must be at most 400, found 499"),
         (partial(roots, np.random.default_rng(0).normal(size=120)), "the roots of a polynomial of degree 119 are"),
         (partial(pidalab.noise_scale, ipdt(1.0, delay=0.0)), "process"),
+        (partial(pidalab.noise_scale, Process([2.0], [1.0])), "process"),
+        (partial(pidalab.noise_scale, ZERO), "process"),
     ],
     "controllers": [
         (pida(kp=0.0), "kp must not be 0, found 0"),
@@ -294,6 +296,7 @@ MESSAGES = {
     "rules": [
         (partial(haalman.pid, SECOND, ms=1.0), "ms must be"),
         (partial(haalman.pida, SECOND), r"constant numerator \(not 0\) and 3 stable poles"),
+        (partial(haalman.pid, Process([1.0], [1.0, 1.0, 0.0])), "model .* two stable poles"),
         (partial(haalman.tune, CHAIN, kind="P"), "kind must be 'PIDA', 'PID' or 'PI', found 'P'"),
         (
             partial(haalman.output_filter, Process([1.0], np.convolve([1, 0.02, 1], [10, 1]), 0.1), PIDA(1.0, 10.0)),
@@ -305,6 +308,8 @@ MESSAGES = {
         (partial(itae.pid_load, sopdt(1, 1, 1, 0.0999)), r"of the model must be from 0\.1 to 2, found 0\.0999"),
         (partial(direct.load, sopdt(1, 1, 0.29, 1)), r"damping of the model must be from 0\.3 to 2, found 0\.29"),
         (partial(itae.factors, CHAIN), "model must have a constant numerator .* two stable poles"),
+        (partial(itae.pid_setpoint, Process([1.0], [1.0, -1.0, 1.0], 1.0)), "two stable poles"),
+        (partial(itae.load_factors, sopdt(1.0, 1.0, 1.0, 2.001)), r"of the model must be from 0\.1 to 2, found 2\.001"),
         (partial(direct.setpoint, Process([0.0], [1.0, 1.0, 1.0], 1.0)), r"constant numerator \(not 0\)"),
         (partial(direct.setpoint, sopdt(1, 1, 0.3, 0.1), 0.3), r"alpha_d must be smaller for this model, found 0\.3"),
         (partial(itae.imc_pid, SECOND), "one stable pole"),

@@ -177,8 +177,8 @@ class Response(Signals):
                 c0, c1, c2 = (c[few] for c in curve)
                 cuts = np.vstack([np.zeros(few.size), end[few], quadratic_roots(c0, c1, c2)])
                 cuts = np.sort(np.clip(cuts, 0.0, end[few]), axis=0)
-                steps = (np.diff(part, axis=0) for part in areas_until((c0, c1, c2), cuts))
-                areas[few] = weighted(*steps, start[few]).sum(axis=0)
+                plain, rising = (np.diff(part, axis=0) for part in areas_until((c0, c1, c2), cuts))
+                areas[few] = weighted(plain, rising, start[few]).sum(axis=0)
             total += self.step * np.sum(areas)
         return float(total)
 

@@ -8,7 +8,6 @@ import pytest
 from click.testing import CliRunner
 
 import pidalab
-from pidalab.plant import noise_curves as module
 from pidalab.plant.cli import main
 from pidalab.plant.noise_curves import TradeOff, TradeOffPoint
 from pidalab.plant.page import trade_off_figure
@@ -104,7 +103,7 @@ def test_command_writes_the_figure(monkeypatch, tmp_path):
     columns = np.column_stack([t, np.where(t < 5, 0.0, 1.0), y])
     np.savetxt(tmp_path / "step.csv", columns, delimiter=",", header="t,u,y", comments="")
     small = partial(pidalab.trade_off, ms=[1.6], limits=[0.5, 2.0], kinds=["PI"], rules=["simc"])
-    monkeypatch.setattr(module, "trade_off", small)
+    monkeypatch.setattr("pidalab.trade_off", small)
     options = ["--sample-time", "0.5", "--rule", "amigo", "--model", "fopdt", "--trade-off", "--out"]
     command = ["report", str(tmp_path / "step.csv"), *options, str(tmp_path / "report.html")]
     result = CliRunner().invoke(main, command)

@@ -261,30 +261,21 @@ class Benchmark:
             lines += ["refused, or unstable:", *(f"{count:4} {reason}" for reason, count in refused.items())]
         return "\n".join(lines)
 
-    def csv(self, path: str | Path) -> Path:
-        """Write the rows to a file, and return its path.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            Path of the file.
+    def csv(self) -> str:
+        """Return the rows as the text of a CSV file.
 
         Returns
         -------
-        pathlib.Path
-            The file.
+        str
 
         Examples
         --------
         >>> import pidalab
         >>> rule = lambda process: pidalab.rules.classical.simc(process, "PI")
-        >>> found = pidalab.benchmark(rule, "mine", "first_order", plants=["P2 T=1"])
-        >>> import pathlib, tempfile
-        >>> found.csv(pathlib.Path(tempfile.mkdtemp(), "rows.csv")).name
-        'rows.csv'
+        >>> pidalab.benchmark(rule, "mine", "first_order", plants=["P2 T=1"]).csv().count("mine")
+        1
         """
-        self.rows.to_csv(path, index=False, float_format="%.5g", lineterminator="\n")
-        return Path(path)
+        return str(self.rows.to_csv(index=False, float_format="%.5g", lineterminator="\n"))
 
     def latex(self, terms: str = "loud") -> str:
         """Return the ranking as a table for a paper, with the rule in bold.

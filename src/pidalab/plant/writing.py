@@ -60,7 +60,9 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _remove_stale(folder)
+        for path in folder.glob(f"{PREFIX}*"):
+            if path.is_dir() and time.time() - path.stat().st_mtime > ABANDONED:
+                shutil.rmtree(path, ignore_errors=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=PREFIX) as hidden:
             for name, text in texts.items():
                 with Path(hidden, name).open("w", encoding="utf-8", newline="\n") as file:
@@ -78,31 +80,20 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
     return list(wanted)
 
 
-def _remove_stale(folder: Path) -> None:
-    for path in folder.glob(f"{PREFIX}*"):
-        if path.is_dir() and time.time() - path.stat().st_mtime > ABANDONED:
-            shutil.rmtree(path, ignore_errors=True)
-
-
 def _rename(hidden: Path, paths: Sequence[Path]) -> None:
-    """Rename files to their places, and restore earlier files if that is interrupted.
-
-    A path is listed in `begun` before it changes, and its earlier file is copied before it is replaced. So the list and
-    the copies show at every moment how to restore.
-    """
+    """Rename files to their places, and restore earlier files if that is interrupted."""
     earlier = hidden / ".earlier"
     earlier.mkdir()
-    begun: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            raise IsADirectoryError(f"{path} must be a file, found a folder")
+        if os.path.lexists(path):
+            shutil.copy2(path, earlier / path.name, follow_symlinks=False)
     try:
         for path in paths:
-            if path.is_dir():
-                raise IsADirectoryError(f"{path} must be a file, found a folder")
-            if os.path.lexists(path):
-                shutil.copy2(path, earlier / path.name, follow_symlinks=False)
-            begun.append(path)
             Path(hidden, path.name).replace(path)
     except BaseException:
-        for path in begun:
+        for path in paths:
             if os.path.lexists(earlier / path.name):
                 (earlier / path.name).replace(path)
             elif not os.path.lexists(hidden / path.name):  # it was renamed

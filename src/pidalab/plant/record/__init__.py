@@ -16,7 +16,7 @@ from pidalab._check import Array
 from pidalab.plant.doubts import doubt, with_doubts
 from pidalab.plant.record import cleaning
 from pidalab.plant.record.cleaning import MOVING, Step, column
-from pidalab.plant.record.reading import read_columns
+from pidalab.plant.record.reading import ROLES, read_columns
 
 LONG_INTERVAL = 5.0  # times the usual sampling interval: a longer one is a gap
 FEW_LEVELS = 20  # levels of y, up to which their number is doubted
@@ -177,9 +177,9 @@ class Record:
         cls,
         path: str | Path,
         *,
-        time: str | int = 0,
-        u: str | int = 1,
-        y: str | int = 2,
+        time: str | int | None = None,
+        u: str | int | None = None,
+        y: str | int | None = None,
         delimiter: str | None = None,
         step: float | None = None,
         period: float | None = None,
@@ -198,8 +198,9 @@ class Record:
         path : str or pathlib.Path
             The file.
         time, u, y : str or int, optional
-            Names in the header, or numbers of the columns from 0. Times are numbers, dates or times of day; dates and
-            times of day become seconds.
+            Names in the header, or numbers of the columns from 0. By default the columns that the header calls "time",
+            "u" and "y", or else the first three. Times are numbers, dates or times of day; dates and times of day
+            become seconds.
         delimiter : str, optional
             Between the columns; found out if not given.
         step : float, optional
@@ -233,21 +234,22 @@ class Record:
         (Step(time=10.0, before=40.0, after=47.0),)
         """
         path = Path(path)
-        columns: dict[str, str | int] = {"time": time, "u": u, "y": y}
+        given = {"time": time, "u": u, "y": y}
+        columns = {role: ROLES[role] if column is None else column for role, column in given.items()}
         if period is not None:
             period = _check.real("period", period, above=0.0)
             del columns["time"]
-        said = ", ".join(f"{role} = {name!r}" for role, name in columns.items())
-        if len(set(columns.values())) < len(columns):
-            raise ValueError(f"time, u and y must be different columns, found {said}")
         skip = _check.integer("skip", skip, at_least=0)
         found = read_columns(path, list(columns.values()), delimiter, skip, timed=period is None)
+        names = [name or place for name, place in zip(found.names, found.places, strict=True)]
+        said = ", ".join(f"{role} = {name!r}" for role, name in zip(columns, names, strict=True))
+        if len(set(found.places)) < len(columns):
+            raise ValueError(f"time, u and y must be different columns, found {said}")
         doubts, rows, (u_read, y_read) = list(found.doubts), found.rows, found.values[-2:]
         if period is None:
             times = found.values[0]
         else:
-            if time not in columns.values():
-                doubts += _compared(period, path, time, delimiter, skip)
+            doubts += _compared(period, path, given["time"], found.places, delimiter, skip)
             times = period * (rows - rows[0])
         try:
             if run is not None:
@@ -399,20 +401,25 @@ class Record:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
 
 
-def _compared(period: float, path: Path, time: str | int, delimiter: str | None, skip: int) -> list[str]:
+def _compared(
+    period: float, path: Path, time: str | int | None, taken: Sequence[int], delimiter: str | None, skip: int
+) -> list[str]:
     """Refuse a period that contradicts the times of the file. Doubt one if a column counts samples."""
     try:
-        found = read_columns(path, [time], delimiter, skip)
+        found = read_columns(path, [ROLES["time"] if time is None else time], delimiter, skip)
     except ValueError:
         return []  # there is no such column, or it holds no times
+    if found.places[0] in taken:
+        return []
+    name = found.names[0] or found.places[0]
     steps = np.diff(found.values[0])
     interval = float(np.median(steps)) if steps.size else np.nan
     if not interval > 0 or np.any(steps < 0) or abs(interval / period - 1) < SAME_PERIOD:
         return []
     if np.all(steps == 1) and not TIMES.match(found.names[0]):
-        return [doubt("counted", name=time, period=period)]
+        return [doubt("counted", name=name, period=period)]
     raise ValueError(
-        f"period = {period:g} contradicts the file's own times in column {time!r}, which are {interval:.4g} apart: "
+        f"period = {period:g} contradicts the file's own times in column {name!r}, which are {interval:.4g} apart: "
         "leave out period (--period), or the column of the times"
     )
 

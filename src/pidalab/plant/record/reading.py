@@ -49,15 +49,27 @@ SAMPLE = 50  # lines from which the form of a file is recognised, and names of c
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters, columns
 
 
+class Default(NamedTuple):
+    """The column to take where none is given: the one of that name, or else the one at that place."""
+
+    name: str
+    place: int
+
+
+ROLES = {"time": Default("time", 0), "u": Default("u", 1), "y": Default("y", 2)}
+
+
 class Columns(NamedTuple):
     """Columns of a file as numbers, nan where a value is missing.
 
-    `rows` are their rows in the file. `time_unit` and `date` (of the first sample) are empty if unknown.
+    `rows` are their rows in the file, `places` their numbers from 0. `time_unit` and `date` (of the first sample) are
+    empty if unknown.
     """
 
     values: tuple[Array, ...]
     rows: Array
     names: tuple[str, ...]
+    places: tuple[int, ...]
     doubts: tuple[str, ...]
     time_unit: str = ""
     date: str = ""
@@ -65,7 +77,7 @@ class Columns(NamedTuple):
 
 def read_columns(
     path: Path,
-    wanted: Sequence[str | int],
+    wanted: Sequence[str | int | Default],
     delimiter: str | None = None,
     skip: int = 0,
     timed: bool = True,
@@ -76,8 +88,9 @@ def read_columns(
     ----------
     path : pathlib.Path
         The file; UTF-8 or UTF-16 with or without a byte order mark, or Latin-1.
-    wanted : sequence of str or int
-        Names in the header, or numbers of columns from 0.
+    wanted : sequence of str, int or Default
+        Names in the header, or numbers of columns from 0. A default that is taken by its place from a file of more
+        columns than those wanted is a doubt.
     delimiter : str or None
         Between the columns, as a regular expression if longer than a character. None finds it out.
     skip : int
@@ -123,7 +136,15 @@ def read_columns(
         )
     header, first = _header(lines, rows, wanted, mark, path)
     width = max(map(len, [header, *rows[first : first + SAMPLE]]))
-    places = [_place(name, header, width, path) for name in wanted]
+    named = [_named(column, header) for column in wanted]
+    places = [_place(name, header, width, path) for name in named]
+    guessed = [
+        f"{column.name} is column {header[place] if place < len(header) else place!r}"
+        for column, name, place in zip(wanted, named, places, strict=True)
+        if isinstance(column, Default) and isinstance(name, int)
+    ]
+    if guessed and (count := sum(map(bool, header)) or width) > len(ROLES):
+        doubts.append(f"{', '.join(guessed)}: none was given, and the file has {count}")
     numbers = np.array([k for k in range(first, len(rows)) if any(rows[k])])
     entries = [[rows[k][place] if place < len(rows[k]) else "" for k in numbers] for place in places]
     comma = mark != "," and _has_decimal_commas(entries)
@@ -141,7 +162,7 @@ def read_columns(
             f"{numbers.size - end} row(s) after the last row of numbers were left out: "
             f"{plain_text(lines[numbers[end]], QUOTED)}"
         )
-    for name, column, (_, wrong) in zip(wanted, entries, columns, strict=True):
+    for name, column, (_, wrong) in zip(named, entries, columns, strict=True):
         if wrong[:end].any():
             k = int(np.argmax(wrong))
             where, again = f"{path.name}, row {numbers[k] + 1 + skip}", k + int(np.argmax(good[k:]))
@@ -157,7 +178,7 @@ def read_columns(
                 f"{column[k][:QUOTED]!r}; correct it, or leave it empty if the value is missing"
             )
     values = tuple(values[:end] for values, _ in columns)
-    return Columns(values, numbers[:end] + 1 + skip, names, tuple(doubts), time_unit, date)
+    return Columns(values, numbers[:end] + 1 + skip, names, tuple(places), tuple(doubts), time_unit, date)
 
 
 def _lines(path: Path) -> list[str]:
@@ -236,7 +257,11 @@ def _numbered(lines: Sequence[str], mark: str) -> float:
 
 
 def _header(
-    lines: Sequence[str], rows: Sequence[Sequence[str]], wanted: Sequence[str | int], mark: str, path: Path
+    lines: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    wanted: Sequence[str | int | Default],
+    mark: str,
+    path: Path,
 ) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     last = [row for row in rows if any(row)][-SAMPLE:]
@@ -251,7 +276,9 @@ def _header(
             pairs = zip(lines, rows[:index], strict=False)
             above = [_names(line, row, len(columns), mark) for line, row in pairs if any(row)]
             # a row of units may follow the row of names
-            named = [names for names in above if all(isinstance(x, int) or _places(x, names) for x in wanted)]
+            named = [
+                names for names in above if all(not isinstance(x, str) or _places(x, names) for x in wanted)
+            ]
             return next(iter(reversed(named or above)), []), index
     raise ValueError(
         f"{path.name} has no row of numbers in two columns or more among its first {SAMPLE} lines (columns divided "
@@ -263,6 +290,12 @@ def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
     """Return the names of a header. They may contain single blanks, even if blanks divide the columns."""
     wide = re.split(r"\s{2,9}", line.strip()) if mark == r"\s+" else []
     return [name.strip('" ') for name in (wide if len(wide) == count else row)]
+
+
+def _named(column: str | int | Default, header: Sequence[str]) -> str | int:
+    if not isinstance(column, Default):
+        return column
+    return column.name if len(_places(column.name, header)) == 1 else column.place
 
 
 def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> int:
