@@ -1,4 +1,4 @@
-"""Two searches over settings of the series PIDA of huba2024, in the loop of its Fig. 3.
+"""Search settings of the series PIDA of huba2024, in the loop of its Fig. 3.
 
 Run it from the root of the project; it writes two tables to book/data in about two minutes. The page
 book/audit/huba2024-portrait.ipynb shows them and runs the winners again.
@@ -44,7 +44,7 @@ def write(name, head, rows):
 
 
 def maps():
-    """Grids of 5 to 10 values; the finest is judged in four ways."""
+    """Return the results of grids of 5 to 10 values, of the finest by four measures."""
     rows, centre = [], setup.point(ar.PPM_PIDA)
     for values in range(5, 11):
         spots = mesh(*(np.linspace(0.7 * x, 1.3 * x, values) for x in centre))
@@ -64,7 +64,7 @@ def maps():
 
 
 def clean():
-    """Settings that keep their shapes in six experiments: a coarse sample time first, with twice the bound."""
+    """Return settings that keep their shapes in six experiments, first with a coarse sample time, twice the bound."""
     axes = (0.06, 0.22, 9), (2.4, 3.8, 8), (0.45, 1.05, 7), (0.22, 0.46, 7)
     spots = mesh(*(np.linspace(*axis) for axis in axes))
     for h, bound in ((0.02, 2 * BOUND), (0.005, BOUND)):
