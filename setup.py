@@ -1,4 +1,4 @@
-"""The one thing that pyproject.toml cannot say: on a package index the README stands without its repository."""
+"""Complete the links of the README for a package index, which pyproject.toml cannot do."""
 
 import re
 import tomllib
@@ -12,7 +12,7 @@ PICTURES = (".svg", ".png")
 
 
 def standing(readme: str, repository: str) -> str:
-    """Return the README with every link into the repository written out in full."""
+    """Return the README with a full address for every link into the repository."""
 
     def full(found: re.Match[str]) -> str:
         kind = "raw" if found[2].endswith(PICTURES) else "blob"

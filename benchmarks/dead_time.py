@@ -1,8 +1,8 @@
-"""The exact engine beside other ways to simulate a loop with dead time, in one run.
+"""Compare the exact engine with other methods for loops with dead time.
 
 Four loops of huba2018, from stable and stiff to unstable; every method with several settings. The results go to
-book/data/engine_comparison.csv. Times are CPU times of one thread and vary from machine to machine: compare the ratios.
-Set-up, the compilation for JiTCDDE, is apart from them.
+book/data/engine_comparison.csv. Times are CPU times of one thread and vary from machine to machine, so compare the
+ratios. They exclude the set-up, the compilation for JiTCDDE.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from benchmarks import peers
 from benchmarks.measure import case_loop, duration, error, limit, median_time, oracle_cases, write
 
 LOOPS = [(1, 2, 0.005), (2, 4, 0.2), (4, 6, 0.5), (2, 3, 0.02)]  # m, n, T_e; the last one is unstable
-HORIZON = 20.0  # dead times; the unstable response is below 1e8 then
+HORIZON = 20.0  # in dead times; the unstable response stays below 1e8
 CAP = 30  # seconds of CPU time for one row
 RESULTS = "engine_comparison"  # in book/data
 COLUMNS = (
@@ -54,11 +54,11 @@ def case_of(m: int, n: int, te: float) -> dict:
 
 
 def measured(peer: Peer, loop: pidalab.Loop, setting: object, case: dict) -> dict:
-    """Return one row of results: median of several runs, or the only run where one takes seconds."""
+    """Return one row of results, the median of several runs, or a single run if it takes seconds."""
     row = dict.fromkeys(COLUMNS, "")
     try:
         with limit(CAP), warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # what goes wrong shows in the error
+            warnings.simplefilter("ignore")  # the error shows the failure
             start = time.perf_counter()  # a compiler is another process
             task = peer(loop, HORIZON, setting)
             row["setup_seconds"] = time.perf_counter() - start

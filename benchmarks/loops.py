@@ -1,6 +1,6 @@
-"""Responses and margins of a few loops, many of them at once, and what horizon, dead time and order cost.
+"""Measure responses and margins of a few loops, and the effect of horizon, dead time and order on time.
 
-Every function returns rows of the table that the book reads; `value` is what the quantity varies.
+Every function returns rows of the table that the book reads. `value` is the varied quantity.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def responses() -> Rows:
 def true_margins(loop: pidalab.Loop) -> np.ndarray:
     """Return gain margin, phase margin in degrees and Ms, to 30 digits but for the last rounding.
 
-    The crossings are found from pidalab's frequencies; that none is missed is tested elsewhere.
+    The crossings start from pidalab's frequencies. Other tests check that none is missed.
     """
     near = pidalab.margins(loop)
     with mpmath.workdps(30):
@@ -105,7 +105,7 @@ def true_margins(loop: pidalab.Loop) -> np.ndarray:
 
 
 def margins() -> Rows:
-    """Gain margin, phase margin and Ms; of python-control Ms is one over the least distance from -1."""
+    """Return rows of gain margin, phase margin and Ms. For python-control Ms is one over the least distance from -1."""
     for name in LOOPS:
         loop = case_loop(cases()[name])
         tasks: dict[str, Callable[[], object]] = {"pidalab": lambda loop=loop: pidalab.margins(again(loop))}
@@ -137,13 +137,13 @@ def family(order: int, delay: float) -> pidalab.Loop:
 
 
 def extrapolated(loop: pidalab.Loop, horizon: float, each: int) -> np.ndarray:
-    """Return a reference response: Runge–Kutta with two fine steps, the leading error taken away."""
+    """Return a reference response by Runge–Kutta with two fine steps and extrapolation."""
     coarse, fine = (peers.runge_kutta(loop, horizon, k * each)()[1][::k] for k in (FINE // 2, FINE))
     return fine + (fine - coarse) / 15
 
 
 def scaling() -> Rows:
-    """The same response over a longer horizon, with another dead time, of a higher order."""
+    """Return rows of the response over a longer horizon, with another dead time, of a higher order."""
     plans = [("horizon", x, family(3, 1.0), float(x), 100) for x in HORIZONS]
     plans += [("dead time", x, family(3, x), 60.0, round(100 * x)) for x in DEAD_TIMES]
     plans += [("order", x, family(x, 1.0), 20.0, 100) for x in ORDERS]

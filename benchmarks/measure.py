@@ -1,4 +1,4 @@
-"""Durations, a limit for tasks that take too long, errors, and the tables that the book reads.
+"""Measure durations and errors, limit the time of a task, and write the tables that the book reads.
 
 Errors are against the high-precision oracles of the tests where there is one for the loop.
 """
@@ -38,7 +38,7 @@ def oracle_cases(name: str) -> list[dict]:
 
 
 def case_loop(case: dict) -> pidalab.Loop:
-    """Return the loop of a case, with the coefficients of the file: to the last bit those that its values belong to."""
+    """Return the loop of a case, with exactly the coefficients of the file."""
 
     def block(name: str) -> control.TransferFunction | None:
         return control.tf(case[name]["num"], case[name]["den"]) if case[name] else None
@@ -48,14 +48,14 @@ def case_loop(case: dict) -> pidalab.Loop:
 
 
 def again(loop: pidalab.Loop) -> pidalab.Loop:
-    """Return a new loop of the same blocks, of which nothing is known yet."""
+    """Return a new loop of the same blocks, for which nothing is cached."""
     return pidalab.Loop(loop.process, loop.controller, loop.output_filter, loop.prefilter)
 
 
 def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
     """Return the CPU time of a run in seconds, and its result.
 
-    With one thread that is the time on a clock, without the time in which the machine does something else.
+    With one thread that is elapsed time without the time of other processes.
     """
     start = time.process_time()
     for _ in range(runs):
@@ -64,7 +64,7 @@ def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
 
 
 def median_time(task: Callable[[], object], repeats: int = 5) -> float:
-    """Return the median duration after runs that do not count.
+    """Return the median duration after warm-up runs.
 
     Each of the repeats is as many runs as take a tenth of a second, since some clocks tick only every few milliseconds.
     """
@@ -76,9 +76,9 @@ def median_time(task: Callable[[], object], repeats: int = 5) -> float:
 
 
 def clocked(task: Callable[[], T], repeats: int = 3) -> tuple[float, float, T]:
-    """Return the time by the clock and the CPU time of all threads of the quickest run, and the result.
+    """Return elapsed time and CPU time of all threads of the fastest run, and the result.
 
-    For what runs on all processors. The quickest of several is the one that other work on the machine disturbed least.
+    Use it for tasks on all processors. The fastest of several runs is the one with the least disturbance.
     """
     runs = []
     for _ in range(repeats):
@@ -104,7 +104,7 @@ def limit(seconds: int) -> Iterator[None]:
     try:
         yield
     except Exception as reason:
-        if fired:  # compiled code on the way may have made another exception of it
+        if fired:  # Compiled code may have turned it into another exception.
             raise TimeoutError(over) from reason
         raise
     finally:
@@ -131,7 +131,7 @@ def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
 
 def machine() -> str:
     """Return Python, the packages that take part, the processors, and how many processes wanted them."""
-    told = Path("/proc/cpuinfo")  # other systems say it less readably
+    told = Path("/proc/cpuinfo")  # other systems have no such readable name
     found = re.search(
         r"^model name\s*: (.*)$",
         told.read_text(encoding="utf-8") if told.exists() else "",

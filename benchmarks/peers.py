@@ -1,15 +1,15 @@
-r"""Other ways to simulate a loop with dead time, one function for each.
+r"""Other methods to simulate a loop with dead time, one function for each.
 
-Each function takes a loop, a horizon and a setting (an order, steps per dead time, or a tolerance), prepares what can
-be prepared, and returns a task without arguments. The task computes the response y to a unit step of the set point and
-returns it with its times: the part that is timed.
+Each function takes a loop, a horizon and a setting (an order, steps per dead time, or a tolerance), does all
+preparations, and returns a task without arguments. The task, which is timed, computes the response y to a unit step of
+the set point and returns it with its times.
 
 All but Padé solve the same delay differential equation: the states of prefilter, controller and process, with
 
 .. math:: \dot x = A x + b\,v(t - h) + e, \qquad v = c_v x, \qquad y = c_y x, \qquad x(t) = 0 \text{ for } t \le 0,
 
-where e is the share of the set point. It is set up here from the transfer functions, so it has nothing in common with
-the states of the exact engine.
+where e is the effect of the set point. It is derived here from the transfer functions, independently of the states of
+the exact engine.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ import pidalab
 Array = NDArray[np.float64]
 Task = Callable[[], tuple[Array, Array]]
 
-GRID = 500  # points per dead time for those that compute at any times asked
+GRID = 500  # points per dead time for methods that compute at arbitrary times
 
 
 class DelayEquation(NamedTuple):
@@ -83,7 +83,7 @@ def grid(loop: pidalab.Loop, horizon: float, per_delay: int = GRID) -> Array:
 
 
 def exact(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: int = GRID) -> Task:
-    """Return pidalab's own engine; it has no setting."""
+    """Return pidalab's engine, which has no setting."""
     t = grid(loop, horizon, per_delay)
     return lambda: (t, pidalab.step_response(loop, t).y)
 
@@ -98,7 +98,7 @@ def pade(loop: pidalab.Loop, horizon: float, order: int, per_delay: int = GRID) 
 def pade_chain(loop: pidalab.Loop, order: int) -> control.StateSpace:
     """Return the open loop of `pade`.
 
-    The states are balanced: those that python-control makes of a Padé approximation of order 20 overflow here.
+    The states are balanced, since those of python-control overflow for a Padé approximation of order 20.
     """
     blocks = [loop.blocks[name] for name in ("process", "output_filter", "controller")]
     return reduce(mul, (_system(*ratio) for ratio in (control.pade(loop.process.delay, order), *blocks)))
@@ -110,7 +110,7 @@ def _system(num: Array, den: Array) -> control.StateSpace:
 
 
 def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return the fixed-step method that holds v(t - h) over each step and is exact otherwise: first order."""
+    """Return the fixed-step method of first order that holds v(t - h) over each step and is exact otherwise."""
     equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
 
     def task() -> tuple[Array, Array]:
@@ -126,10 +126,10 @@ def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
 
 
 def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return the classical Runge–Kutta method, compiled: fourth order.
+    """Return the classical Runge–Kutta method of fourth order, compiled.
 
-    The step divides the dead time, so that no kink lies inside a step. In the middle of a step the past comes from the
-    cubic Hermite interpolant. The loop is linear, so what a step does is a matrix, and it is computed once.
+    The dead time is a multiple of the step, so that no kink lies inside a step. In the middle of a step the past comes
+    from the cubic Hermite interpolant. The loop is linear, so a step is a matrix, which is computed once.
     """
     equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
 
@@ -165,7 +165,7 @@ def _march(
 
 @njit(cache=True)
 def march(R, shares, constant, c_v, c_y, slope, step, each, points):  # pragma: no cover
-    """The compiled loop over the steps of `_march`, `each` of them in a dead time."""
+    """Run the compiled loop over the steps of `_march`, with `each` steps in a dead time."""
     d = constant.size
     of_x, of_past, start = slope
     x, new, y = np.zeros(d), np.zeros(d), np.zeros(points)
@@ -200,7 +200,7 @@ def jitcdde(
     Its manual offers several ways around the kinks that a step sends through the loop; two are used here.
     `adjust_diff` makes the first derivative right (over so short a time that it changes nothing else), and
     `step_on_discontinuities` puts a step on the first dead time. Until then y is 0. Without output only the last value
-    is asked for: on 10,001 points that saves most of the time at low accuracy.
+    is requested, which saves most of the time with 10,001 points at low accuracy.
     """
     from jitcdde import jitcdde, t, y
 
@@ -215,9 +215,10 @@ def jitcdde(
     solver = jitcdde(right, verbose=False, automatic_anchor_helpers=True, delays=[0.0, delay])
     with tempfile.TemporaryDirectory() as elsewhere, contextlib.chdir(elsewhere):
         try:
-            solver.compile_C(simplify=False)  # elsewhere, since it would read the project's pyproject.toml
+            # It runs in another folder, since it would read the project's pyproject.toml.
+            solver.compile_C(simplify=False)
         except SystemExit as reason:
-            raise OSError("not compiled: is there a C compiler?") from reason
+            raise OSError("not compiled; install a C compiler") from reason
 
     def task() -> tuple[Array, Array]:
         solver.purge_past()
@@ -234,9 +235,9 @@ def jitcdde(
 
 
 def ddeint(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return ddeint: SciPy's VODE from each point asked for to the next, linear interpolation of the past.
+    """Return ddeint, SciPy's VODE from each requested point to the next with linear interpolation of the past.
 
-    Version 0.3 answers a question for the present state with that of the last point: first order, like Euler's method.
+    Version 0.3 returns the state of the last point as the present state, so it is of first order, like Euler's method.
     """
     from ddeint import ddeint
 

@@ -1,9 +1,9 @@
-"""A performance portrait of 10,000 loops with 60,000 samples each, beside a plain loop over python-control.
+"""Compare a portrait of 10,000 loops with 60,000 samples each with a plain loop over python-control.
 
 The loops are those around huba2024, eq. (25): load steps on an integrator with dead time, T_s = 0.001, Fig. 3. The
-portrait is timed by the clock, since it runs on all processors, and with one and two workers; its CPU time is beside
-it. python-control integrates a few of the same sets one after the other, in continuous time with a Padé approximation
-of the dead time; its time for all of them is extrapolated. The results go to book/data/portrait_comparison.csv.
+table has elapsed and CPU times of the portrait on all processors, and with one and two workers. python-control
+integrates a few of the same sets one after the other, in continuous time with a Padé approximation of the dead time.
+Its time for all of them is extrapolated. The results go to book/data/portrait_comparison.csv.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def one_set(index: int) -> SeriesPIDA:
 
 
 def plain_system(own: SeriesPIDA, delay: float) -> control.NonlinearIOSystem:
-    """Return the closed loop for python-control: states of filter, reset, Padé approximation and output; input d."""
+    """Return the closed loop for python-control with input d and states of filter, reset, dead time and output."""
     pade = control.tf2ss(*control.pade(delay, PADE))
     A, b, c, d = (np.asarray(x) for x in (pade.A, pade.B[:, 0], pade.C[0], pade.D[0, 0]))
     n, low, high = own.filter_order, *own.limits

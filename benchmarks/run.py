@@ -1,7 +1,7 @@
-"""Time and error of pidalab beside other libraries, in one run; the tables go to book/data.
+"""Compare times and errors of pidalab with those of other libraries, and write tables to book/data.
 
-Times are medians of several runs, CPU times of one thread unless a row is about all processors; since machines differ,
-quote the ratios. ``python -m benchmarks.run`` takes about six minutes on a quiet machine.
+Times are medians of several runs, as CPU times of one thread unless a row is about all processors. Since machines
+differ, quote the ratios. ``python -m benchmarks.run`` takes about six minutes on an idle machine.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from studies.optimal_check import BANDS, HIGH, LOW, MEMBERS, MS, PLANTS, Judge
 RESULTS = "speed_comparison"  # in book/data
 
 
-# The optimal controller beside SciPy's differential evolution on the same problem; the evolution judges controllers by
-# pidalab's responses and poles; the search is its own.
+# The optimal controller is compared with SciPy's differential evolution on the same problem, which evaluates
+# controllers by pidalab's responses and poles.
 NAMES = ("lags3", "fopdt_balanced", "ipdt")
 ORDERS = (0, 1, 2)
 EQUAL = 1.01
@@ -31,7 +31,7 @@ SEED = 1
 
 
 def evolution(judge: Judge, goal: float) -> tuple[float, float]:
-    """Return CPU time and least IAE of a search that ends at the goal or when its time is up."""
+    """Return CPU time and least IAE of a search that ends at the goal or after a time limit."""
     bounds = [*zip(LOW[: judge.order + 2], HIGH[: judge.order + 2], strict=True), (BANDS[0], BANDS[-1])]
     kept, best = NonlinearConstraint(judge.peaks, 0.0, 1.0), np.inf
     start = time.process_time()
@@ -54,7 +54,7 @@ def evolution(judge: Judge, goal: float) -> tuple[float, float]:
 
 
 def optima() -> Iterator[dict]:
-    """Return time and IAE of both, the error of the second being what its IAE is above the first's."""
+    """Return time and IAE of both. The error of the second is the excess of its IAE."""
     for name in NAMES:
         process, mks = PLANTS[name]
         for order in ORDERS:
@@ -75,7 +75,7 @@ def optima() -> Iterator[dict]:
 
 
 def shown(rows: Iterable[dict]) -> Iterator[dict]:
-    """Print rows on their way."""
+    """Print rows and return them."""
     last = None
     for row in rows:
         if (head := (row["quantity"], row["loop"], row["value"])) != last:

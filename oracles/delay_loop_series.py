@@ -18,7 +18,7 @@ BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 
 def coefficients(case, number=float):
-    """[(num, den)] of G, C, F, Fr; an absent block is 1."""
+    """Return [(num, den)] of G, C, F, Fr; an absent block is 1."""
     one = {"num": [1.0], "den": [1.0]}
     blocks = (case[name] or one for name in BLOCKS)
     return [([number(x) for x in b["num"]], [number(x) for x in b["den"]]) for b in blocks]
@@ -32,7 +32,7 @@ def horner(p, s):
 
 
 def at(blocks, s):
-    """G, C F, Fr at s (None: at infinity)."""
+    """Return G, C F, Fr at s (None: at infinity)."""
     if s is None:
         v = [n[0] / d[0] if len(n) == len(d) else mpf(0) for n, d in blocks]
         return v[0], v[1] * v[2], v[3]
@@ -41,18 +41,18 @@ def at(blocks, s):
 
 
 def six(g, cf, fr, q, now, late):
-    """The six transforms times s; ``now`` and ``late`` stand for S and e^{-Ls} S."""
+    """Return the six transforms times s; ``now`` and ``late`` stand for S and e^{-Ls} S."""
     ql = q * late
     return fr * ql, fr * cf * now, g * late, -ql, -ql, -cf * now
 
 
 def last_term(t, delay):
-    """Largest k with k L <= t, in exact arithmetic."""
+    """Return the largest k with k L <= t, in exact arithmetic."""
     return math.floor(Fraction(t) / Fraction(delay)) if delay else 0
 
 
 def clusters(case):
-    """Poles of the terms as groups of increasing magnitude, each far from the next."""
+    """Return the poles of the terms as groups of increasing magnitude, each far from the next."""
     blocks = coefficients(case)
     poles = [0j] + [p for _, den in blocks for p in np.roots(den)]
     if not case["delay"]:  # closed loop in place of the open-loop terms
@@ -78,7 +78,7 @@ def peak(case, center, radius):
 
 
 def circles(case, digits):
-    """Circles (centre, radius), a first node number, log10 of the largest integrand.
+    """Return the circles (centre, radius), a first node number, log10 of the largest integrand.
 
     The trapezoidal rule errs by the integrand on a smaller or larger circle times the ratio of
     the radii to the power of the number of points: the radius taken is the cheapest of a list.
@@ -104,7 +104,7 @@ def circles(case, digits):
 
 
 def on_circles(case, times, places, nodes):
-    """{signal: values at times} by the trapezoidal rule with 2 * nodes points per circle."""
+    """Return {signal: values at times} by the trapezoidal rule with 2 * nodes points per circle."""
     blocks = coefficients(case, mpf)
     delay = mpf(case["delay"])
     last = [last_term(t, case["delay"]) for t in times]
@@ -134,7 +134,7 @@ def on_circles(case, times, places, nodes):
 
 
 def by_talbot(case, times, degree):
-    """The same values by fixed Talbot inversion (Abate and Valko 2004), term by term."""
+    """Return the same values by fixed Talbot inversion (Abate and Valko 2004), term by term."""
     blocks = coefficients(case, mpf)
     delay = mpf(case["delay"])
     rows = []
@@ -156,13 +156,13 @@ def by_talbot(case, times, degree):
 
 
 def talbot_nodes(tau, degree):
-    """(s, weight) such that f(tau) = sum of Re(weight * s F(s)); s = None is infinity."""
+    """Return (s, weight) such that f(tau) = sum of Re(weight * s F(s)); s = None is infinity."""
     return [(z / tau, weight) for z, weight in talbot_contour(degree, mp.prec)] if tau else [(None, mpf(1))]
 
 
 @cache
 def talbot_contour(degree, precision):
-    """(tau s, weight), which do not depend on tau, to the current precision (in bits)."""
+    """Return (tau s, weight), which do not depend on tau, to the current precision (in bits)."""
     r = mpf(2 * degree) / 5
     nodes = [(r, exp(r) / (2 * degree))]
     for j in range(1, degree):
@@ -178,12 +178,12 @@ def talbot_contour(degree, precision):
 
 
 def difference(a, b):
-    """Largest |a - b| / max(1, |b|) over all signals and times."""
+    """Return the largest |a - b| / max(1, |b|) over all signals and times."""
     return max(abs(x - y) / max(1, abs(y)) for n in b for x, y in zip(a[n], b[n], strict=True))
 
 
 def respond(case, times, digits):
-    """Values at times, the last difference by doubling, and the nodes used."""
+    """Return the values at times, the last difference by doubling, and the nodes used."""
     places, nodes, size = circles(case, digits)
     precision, agree = int(size) + digits + 35, mpf(10) ** -(digits + 7)
     with workdps(precision):
@@ -199,7 +199,7 @@ def respond(case, times, digits):
 
 
 def check_talbot(case, values, digits):
-    """Difference from Talbot at every third time from the last, up to 500 terms in all."""
+    """Return the difference from Talbot at every third time from the last, up to 500 terms in all."""
     times, delay = case["times"], case["delay"]
     picked, terms = [], 0
     for i in range(len(times) - 1, -1, -3 if delay else -1):
@@ -221,7 +221,7 @@ def check_talbot(case, values, digits):
 
 
 def reference(case, digits):
-    """{signal: values at the case's times}, checked, and a line of evidence."""
+    """Return {signal: values at the case's times}, checked, and a line of evidence."""
     values, change, nodes = respond(case, case["times"], digits)
     talbot = check_talbot(case, values, digits)
     seen = f"{nodes:5d} nodes, change by doubling {nstr(change, 2)}, Talbot differs {nstr(talbot, 2)}"
@@ -229,7 +229,7 @@ def reference(case, digits):
 
 
 def running_maximum(case):
-    """Running maximum of |value| at the case's times, over these and its envelope_times."""
+    """Return the running maximum of |value| at the case's times, over these and its envelope_times."""
     grid = sorted({*case["times"], *case["envelope_times"]})
     dense, _, _ = respond(case, grid, ENVELOPE_DIGITS)
     pick = [grid.index(t) for t in case["times"]]
@@ -238,7 +238,7 @@ def running_maximum(case):
 
 
 def stored(case, values, digits, sources=("setpoint", "load", "noise")):
-    """The case as it goes to the file."""
+    """Return the case as it goes to the file."""
     out = {key: content for key, content in case.items() if key != "envelope_times"}
     out["values"] = nest(values, sources, lambda v: text(v, digits))
     if "envelope_times" in case:
@@ -247,7 +247,7 @@ def stored(case, values, digits, sources=("setpoint", "load", "noise")):
 
 
 def nest(values, sources, convert):
-    """{"setpoint": {"y": [...], "u": [...]}, "load": ..., ...} for the sources named."""
+    """Return {"setpoint": {"y": [...], "u": [...]}, "load": ..., ...} for the sources named."""
     out = {}
     for name, row in values.items():
         source, signal = name.split(".")

@@ -28,7 +28,7 @@ def lag(time):
 
 
 def loops():
-    """Names and loops."""
+    """Return the names and loops."""
     yield "fopdt_fast_acceleration", Loop(fopdt(1, 1, 0.3713), PIDA(0.1, 0.9, 0.3, 0.02))
     for n, m in ((5, 5), (10, 10), (20, 50), (50, 20), (50, 50)):
         yield f"fopdt_{n}_{m}", Loop(fopdt(1, 1, 0.41), PIDA(0.12, 0.8, 0.25, 0.02, n=n, m=m))
@@ -60,7 +60,7 @@ def loops():
 
 
 def case_of(number, name, loop):
-    """The case as delay_loop_series wants it."""
+    """Return the case as delay_loop_series wants it."""
     block = {
         key: dict(zip(("num", "den"), (part.tolist() for part in loop.blocks[key]), strict=True))
         for key in ("process", "controller", "output_filter", "prefilter")
@@ -73,7 +73,7 @@ def case_of(number, name, loop):
 
 
 def solve(item):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     case = case_of(*item)
     before = None
     for degree in (45, 70, 110, 180, 280):

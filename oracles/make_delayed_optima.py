@@ -56,7 +56,7 @@ class Late(Problem):
         return super().plant(w) * exp(-mpf(self.delay) * mpc(0, w))
 
     def system(self, x):
-        """v' = A v + B w(t - L), w = W v + (load, 0), of the loop and of the same loop with y as its load; and outputs.
+        """Return v' = A v + B w(t - L), w = W v + (load, 0), for the loop without and with y as its load, and outputs.
 
         The outputs are y and its slopes by the unknowns.
         """
@@ -91,7 +91,7 @@ class Late(Problem):
         return a, b, w, np.vstack([out, by_time])
 
     def pieces(self, x, share=SHARE):
-        """The step, and on each step the series of the outputs, in powers of the share of the step that has passed."""
+        """Return the step, and for each step the series of the outputs in powers of the share of the step."""
         a, b, w, out = self.system(x)
         each = math.ceil(self.delay / (share * x[-1]))  # steps in a dead time
         h = self.delay / each
@@ -117,7 +117,7 @@ class Late(Problem):
         return h, None
 
     def iae(self, x, share=SHARE):
-        """IAE, its slopes, and the integral of y."""
+        """Return IAE, its slopes, and the integral of y."""
         h, found = self.pieces([float(v) for v in x], share)
         if found is None:
             return math.inf, None, None
@@ -144,7 +144,7 @@ class Equations:
         self.problem, self.peaks, self.size = problem, peaks, problem.size
 
     def rooms(self, x, frequencies):
-        """What is left to the limits at the peaks, with the slopes by the unknowns and by the frequency."""
+        """Return what is left to the limits at the peaks, with the slopes by the unknowns and by the frequency."""
         x = [mpf(v) for v in x]
         for w, (_, noise) in zip(frequencies, self.peaks, strict=True):
             left, by_x = self.problem.room(x, mpf(w), noise)
@@ -152,7 +152,7 @@ class Equations:
             yield float(left), [float(s) for s in by_x], float(flat)
 
     def start(self, x):
-        """The vector, with the multipliers that suit the unknowns best."""
+        """Return the vector, with the multipliers that suit the unknowns best."""
         x, frequencies = np.array(x), [w for w, _ in self.peaks]
         sides = np.array([by_x for _, by_x, _ in self.rooms(x, frequencies)])
         weights = np.linalg.lstsq(sides.T * x[:, None], self.problem.iae(x)[1] * x, rcond=None)[0]
@@ -164,16 +164,16 @@ class Equations:
         return np.concatenate([(self.problem.iae(x, share)[1] - multipliers @ sides) * x, left, flat])
 
     def split(self, v):
-        """Unknowns, frequencies and multipliers."""
+        """Return unknowns, frequencies and multipliers."""
         return np.split(v, [self.size, self.size + len(self.peaks)])
 
     def slopes(self, v):
-        """Slopes at the start, by differences; near enough for all steps."""
+        """Return the slopes at the start by differences, accurate enough for all steps."""
         here, steps = self(v, SHARE), 1e-6 * np.abs(v)
         return np.array([(self(v + s, SHARE) - here) / s[i] for i, s in enumerate(np.diag(steps))]).T
 
     def solve(self, v, slopes, share):
-        """Go on until nothing moves."""
+        """Iterate until the values do not change."""
         for _ in range(20):
             move = np.linalg.solve(slopes, self(v, share))
             v = v - move
@@ -183,13 +183,13 @@ class Equations:
 
 
 def block_of(problem, x):
-    """The controller, for those who take it as a quotient."""
+    """Return the controller as a quotient."""
     lag = [[float(x[-1]), 1.0]] * (problem.order + 1)
     return rational([float(k) for k in reversed(x[:-1])], poly([1.0, 0.0], *lag))
 
 
 def check(problem, case, x, value, slopes, whole):
-    """Response and slopes by other ways, and no better controller around."""
+    """Check response and slopes by other methods, and that no controller around is better."""
     assert abs(whole * x[0] - 1) < AGREE, whole * x[0]
     for k in range(problem.size):
         step = 1e-5 * x[k] * np.eye(problem.size)[k]
@@ -219,7 +219,7 @@ def check(problem, case, x, value, slopes, whole):
 
 
 def keeps(problem, x, w):
-    """Whether a controller keeps the limits at many frequencies."""
+    """Return True if a controller keeps the limits at many frequencies."""
     s = 1j * w
     c = np.polyval(x[-2::-1], s) / s / (x[-1] * s + 1) ** (problem.order + 1)
     plant = np.polyval(problem.num, s) / np.polyval(problem.den, s) * np.exp(-s * problem.delay)
@@ -229,7 +229,7 @@ def keeps(problem, x, w):
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Late(case)
     begin = case.pop("start")
@@ -267,7 +267,7 @@ def solve(case):
 
 
 def text(value):
-    """A number, or several, with the digits that stand."""
+    """Return a number, or several, as text with the certain digits."""
     return [text(v) for v in value] if np.ndim(value) else f"{value:.{DIGITS}g}"
 
 

@@ -43,13 +43,13 @@ class Problem:
         self.size = self.order + 2 + (self.given is None)
 
     def parts(self, x):
-        """Gains, T, the filter q and its slope by T."""
+        """Return gains, T, the filter q and its slope by T."""
         time = x[self.order + 2] if self.given is None else mpf(self.given)
         lag, n = [time, mpf(1)], self.order + 1
         return x[: self.order + 2], time, poly(*[lag] * n), poly([mpf(n), mpf(0)], *[lag] * (n - 1))
 
     def controller(self, x, w):
-        """C at jw, and its slopes by the unknowns."""
+        """Return C at jw, and its slopes by the unknowns."""
         gains, time, q, _ = self.parts(x)
         s = mpc(0, w)
         by_gains = [s ** (k - 1) / polyval(q, s) for k in range(len(gains))]
@@ -58,11 +58,11 @@ class Problem:
         return value, by_gains + by_time
 
     def plant(self, w):
-        """P at jw."""
+        """Return P at jw."""
         return polyval(self.b, mpc(0, w)) / polyval(self.a, mpc(0, w))
 
     def room(self, x, w, of_noise):
-        """What is left to a limit at a frequency, and its slopes: at least 0 where it is kept."""
+        """Return the slack of a limit at a frequency, not negative if it is kept, and its slopes."""
         plant, (c, by_x) = self.plant(w), self.controller(x, w)
         back = 1 + plant * c
         turn = [2 * (back.conjugate() * plant * one).real for one in by_x]
@@ -73,7 +73,7 @@ class Problem:
         return left, [self.mks**2 * one - two for one, two in zip(turn, own, strict=True)]
 
     def transform(self, x):
-        """Numerator and denominator of y after a step of the load, and their slopes by the unknowns."""
+        """Return the numerator and denominator of y after a step of the load, and their slopes by the unknowns."""
         gains, _, q, by_time = self.parts(x)
         num, s = poly(self.b, q), [mpf(1), mpf(0)]
         den = add(poly(self.a, s, q), poly(self.b, list(reversed(gains))))
@@ -83,7 +83,7 @@ class Problem:
         return num, den, slopes
 
     def iae(self, x):
-        """IAE and its slopes."""
+        """Return the IAE and its slopes."""
         num, den, slopes = self.transform(x)
         poles = polyroots(den, maxsteps=1000, extraprec=4 * mp.prec)
         assert all(p.real < 0 for p in poles)
@@ -119,12 +119,12 @@ class Problem:
 
 
 def middle(ends, i):
-    """A time between a zero and the next."""
+    """Return a time between a zero and the next."""
     return (ends[i] + ends[i + 1]) / 2 if i + 1 < len(ends) else ends[i] + mpf("1e-3")
 
 
 def zeros(poles, size):
-    """Zeros of a sum of exponentials after 0, until it has died away."""
+    """Return the zeros of a sum of exponentials after 0, until it has decayed."""
     slowest = max(p.real for p in poles)
     p, r = np.array([complex(x) for x in poles]), np.array([complex(x) for x in size])
     t = np.linspace(0.0, FADED / -float(slowest), 40_001)[1:]
@@ -141,7 +141,7 @@ def zeros(poles, size):
 
 
 def optimum(problem, start, peaks):
-    """Unknowns, frequencies and multipliers that solve the equations."""
+    """Return unknowns, frequencies and multipliers that solve the equations."""
     n, count = problem.size, len(peaks)
 
     def split(v):
@@ -169,7 +169,7 @@ def optimum(problem, start, peaks):
 
 
 def check(problem, x, value, slopes):
-    """IAE by another way, its slopes by differences, and no better controller around."""
+    """Check IAE by another method, its slopes by differences, and that no controller around is better."""
     found = rough(problem, [float(v) for v in x])
     assert abs(found / float(value) - 1) < ROUGH, (found, float(value))
     for k in range(problem.size):
@@ -197,7 +197,7 @@ def doubles(problem, x):
 
 
 def rough(problem, x):
-    """IAE by samples."""
+    """Return the IAE by samples."""
     num, den = doubles(problem, x)
     poles = np.roots(den)
     if poles.real.max() >= 0:
@@ -209,7 +209,7 @@ def rough(problem, x):
 
 
 def keeps(problem, x, w):
-    """Whether a controller keeps the limits at many frequencies, and is stable."""
+    """Return True if a controller keeps the limits at many frequencies, and is stable."""
     gains, time, *_ = problem.parts([mpf(v) for v in x])
     s = 1j * w
     c = np.polyval([float(k) for k in reversed(gains)], s) / s / (float(time) * s + 1) ** (problem.order + 1)
@@ -222,7 +222,7 @@ def keeps(problem, x, w):
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Problem(case)
     begin = case.pop("start")

@@ -23,7 +23,7 @@ from quasipolynomials import Quasi, add, fraction, number, positive_beyond, scal
 
 
 def infimum(top, below, end):
-    """The least value of top/below between 0 and end, its limit at 0 included, and where it lies."""
+    """Return the least value of top/below between 0 and end, including its limit at 0, and its place."""
     (k, x), (m, y) = top.leading(), Quasi(below).leading()
     best = (number(x) / number(y), mpf(0)) if k == m else (mpf(0), mpf(0)) if k > m else (inf, mpf(0))
     ratio = Quasi(below)
@@ -33,7 +33,7 @@ def infimum(top, below, end):
 
 
 def circle(f, ti):
-    """Infimum of Re[1 + G]."""
+    """Return the infimum of Re[1 + G]."""
     slow = [Fraction(1)] if ti is None else [Fraction(1), Fraction(0), Fraction(ti) ** 2]
     one = f.dd if ti is None else poly(f.dd, [Fraction(0), Fraction(0), Fraction(ti) ** 2])
     top, below = f.real * slow + Quasi(one, [0], [0], f.delay), poly(f.dd, slow)
@@ -49,7 +49,7 @@ def circle(f, ti):
 
 
 def popov(f):
-    """Largest margin over the multipliers, and the multiplier."""
+    """Return the largest margin over the multipliers, and the multiplier."""
     for w in sorted((f.phase_crossovers(f.quiet_beyond(mpf("0.02")))), key=lambda w: f.L(w).real):
         margin = 1 + f.L(w).real
         x = diff(lambda v: f.L(v).real, w) / (w * diff(lambda v: f.L(v).imag, w))
@@ -72,7 +72,7 @@ def popov(f):
 
 
 def shortest_filter():
-    """Border of stability of 1/(s+1) e^{-0.2s} under 2 + 1.5 s/(T s + 1)."""
+    """Return the border of stability of 1/(s+1) e^{-0.2s} under 2 + 1.5 s/(T s + 1)."""
     plant, delay, kp, kd = rational([1.0], [1.0, 1.0]), 0.2, 2.0, 1.5
 
     def poles(t):
@@ -102,7 +102,7 @@ def shortest_filter():
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     f = AxisFunctions(case)
     ti = case["arguments"]["ti"] if "arguments" in case else None

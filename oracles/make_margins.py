@@ -43,11 +43,11 @@ POLES = [
 
 
 class Elsewhere(Exception):
-    """The highest value may lie at infinite frequency, or too far out."""
+    """Raised if the highest value may be at infinite frequency, or too far out."""
 
 
 def at(p, w):
-    """p(jw)."""
+    """Return p(jw)."""
     return sum(number(x) * mpc(0, w) ** k for k, x in enumerate(p))
 
 
@@ -80,7 +80,7 @@ class AxisFunctions:
         return at(self.c_num, w) / at(self.c_den, w)
 
     def quiet_beyond(self, most):
-        """Some W beyond which |L| < most."""
+        """Return a frequency W beyond which |L| < most."""
         square = mpf(most) ** 2
         gap = add([square * number(x) for x in self.dd], [-number(x) for x in self.nn])
         w = mpf(2) ** -20
@@ -98,7 +98,7 @@ class AxisFunctions:
         return Quasi(difference).zeros(end)
 
     def phase_crossovers(self, end):
-        """Those below `end`; without dead time all of them."""
+        """Return the phase crossovers below `end`, without dead time all of them."""
         if not self.delay:
             real = self.imaginary.b
             while not positive_beyond(real, end) and not positive_beyond(scaled(real, -1), end):
@@ -113,7 +113,7 @@ def at_zero(num, below):
 
 
 def peak(f, num, value, floor, quiet):
-    """The largest of the values at 0, at infinity (`floor`) and where the slope is 0; and where it lies.
+    """Return the largest of the values at 0, at infinity (`floor`) and where the slope is 0, and its place.
 
     `quiet` gives from what is surely reached a frequency beyond which nothing is higher.
     """
@@ -129,7 +129,7 @@ def peak(f, num, value, floor, quiet):
 
 
 def unstable_poles(f, factor=1.0, extra=0.0):
-    """Number of poles right of the axis, by the method of Walton and Marshall."""
+    """Return number of poles right of the axis, by the method of Walton and Marshall."""
     num, delay = scaled(f.num, exact([factor])[0]), number(f.real.delay) + mpf(extra)
     total = add(num, f.den)
     poles = polyroots([number(x) for x in reversed(total)], maxsteps=2000, extraprec=2000)
@@ -151,7 +151,7 @@ def unstable_poles(f, factor=1.0, extra=0.0):
 
 
 def all_margins(f):
-    """The entries of pidalab.Margins, by their names there."""
+    """Return the entries of pidalab.Margins, by their names there."""
     crossings = f.gain_crossovers()
     for w in crossings:
         assert fabs(fabs(f.L(w)) - 1) < mpf(10) ** -CHECKED
@@ -212,7 +212,7 @@ def all_margins(f):
 
 
 def control_peak(f, flat):
-    """Largest |C S|, where it is not approached at infinite frequency."""
+    """Return the largest |C S|, if it is not approached at infinite frequency."""
     last = number(f.c_num[-1] / f.c_den[-1]) if len(f.c_num) == len(f.c_den) else mpf(0)
     c_num, c_den = squared(f.c_num), squared(f.c_den)
 
@@ -237,7 +237,7 @@ def control_peak(f, flat):
 
 
 def closed_forms(name, found):
-    """What is known of some loops without any search."""
+    """Check values that are known in closed form."""
     known = {}
     if name == "integrator_gain":
         known = {"gm": pi, "wpc": pi / 2, "wgc": mpf("0.5"), "pm": 90 - mpf("0.5") * 180 / pi, "dm": pi - 1}
@@ -262,7 +262,7 @@ def closed_forms(name, found):
 
 
 def check_limits(f, found):
-    """With the gain, or the dead time, at its margin there is a pole on the axis; with a little less there is none."""
+    """Check that the gain, or the dead time, at its margin gives a pole on the axis, and a little less does not."""
     less, poles = 1 - mpf(10) ** -9, []
     for factor in (found["gm"], found["gm_low"]):
         if mpf(0) < factor < inf and 0 < found["wpc"] < inf:
@@ -285,7 +285,7 @@ def text(x):
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     f = AxisFunctions(case)
     count = unstable_poles(f)

@@ -39,7 +39,7 @@ BAND, LOW, HIGH = mpf("0.02"), mpf("0.1"), mpf("0.9")
 
 
 def realised(num, den):
-    """Companion form (rows of A, b, c, d) of num/den, exact."""
+    """Return the companion form (rows of A, b, c, d) of num/den, exact."""
     num, den = [mpf(x) for x in num], [mpf(x) for x in den]
     n = len(den) - 1
     num = [mpf(0)] * (n + 1 - len(num)) + num
@@ -48,7 +48,7 @@ def realised(num, den):
 
 
 def pieces(case, source, step):
-    """Series of (y, u) on all steps, in ascending powers of the time since the beginning of the step."""
+    """Return the series of (y, u) on all steps, in ascending powers of the time since the beginning of the step."""
     plant = realised(**case["process"])
     blocks = [case["controller"]] + ([case["output_filter"]] if case["output_filter"] else [])
     chain = [realised(**block) for block in blocks]
@@ -98,7 +98,7 @@ def pieces(case, source, step):
 
 
 def _rate(a, x, signal):
-    """Slopes of the states of a companion form."""
+    """Return the slopes of the states of a companion form."""
     return [signal - sum(p * q for p, q in zip(a, x, strict=True)), *x[:-1]] if x else []
 
 
@@ -121,7 +121,7 @@ def integral(p, a, b):
 
 
 def zeros(p, step):
-    """Zeros of a series inside a step; 0 itself, and what is zero up to rounding, are left out.
+    """Return the zeros of a series inside a step, without 0 itself and series that are zero up to rounding.
 
     They are isolated with floats: an interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|,
     and f is monotonic there if |f'(m)| > r max|f''|; both with a margin for rounding. Otherwise it is halved.
@@ -155,7 +155,7 @@ def zeros(p, step):
 
 
 def newton(p, a, b):
-    """The zero of a monotonic stretch; where Newton's method leaves the bracket, a bisection."""
+    """Return the zero of a monotonic function, by Newton's method, or by bisection if that leaves the bracket."""
     change, falls, x = slope(p), value(p, a) > 0, (a + b) / 2
     for _ in range(300):
         v = value(p, x)
@@ -169,7 +169,7 @@ def newton(p, a, b):
 
 
 def turning(parts, step):
-    """Total variation from rest of a signal in pieces, and the sum of |x''| over its extrema."""
+    """Return the total variation from rest of a signal in pieces, and the sum of |x''| over its extrema."""
     total, bends, last = mpf(0), mpf(0), mpf(0)
     for p in parts:
         total += fabs(p[0] - last)
@@ -182,7 +182,7 @@ def turning(parts, step):
 
 
 def measured(case, source, step):
-    """All measures after one step, and the rates of the errors that samples make of them."""
+    """Return all measures after one step, and the rates of the errors that samples make of them."""
     done, step = pieces(case, source, step)
     target = mpf(1) if source == "setpoint" else mpf(0)
     errors = [[target - y[0], *(-x for x in y[1:])] for y, _ in done]
@@ -224,7 +224,7 @@ def measured(case, source, step):
 
 
 def first_passage(errors, step, level):
-    """First time at which the error is at a level, and the rate of the error of straight lines."""
+    """Return the first time at which the error is at a level, and the rate of the error of straight lines."""
     for k, e in enumerate(errors):
         places = zeros([e[0] - level, *e[1:]], step)
         if places:
@@ -244,7 +244,7 @@ def last_passage(errors, step, band):
 
 
 def compare_with_series(case, source, done, step):
-    """Largest difference of y and u from the finite series at the beginnings of some steps."""
+    """Return the largest difference of y and u from the finite series at the beginnings of some steps."""
     count = len(done)
     picked = [k for k in (1, count // 7, count // 3) if k]
     other = case | {"times": [float(k * step) for k in picked], "prefilter": None}
@@ -258,7 +258,7 @@ def compare_with_series(case, source, done, step):
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     out, gap, apart = {}, mpf(0), mpf(0)
     for source in ("setpoint", "load"):

@@ -21,7 +21,7 @@ DIGITS = 110
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     values, line = reference(case, DIGITS)
     return stored(case, values, DIGITS, sources=("setpoint", "load")), line
 

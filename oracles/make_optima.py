@@ -25,7 +25,7 @@ DIGITS, PRECISION = 30, 60
 
 
 def largest_gain(process, delay, ms, time, start):
-    """kp, ki and the frequency that touches the limit."""
+    """Return kp, ki and the frequency that touches the limit."""
     num, den = ([mpf(x) for x in process[k]] for k in ("num", "den"))
 
     def distance(kp, ki, w):
@@ -41,7 +41,7 @@ def largest_gain(process, delay, ms, time, start):
 
 
 def bound(process, delay, ms, time, top):
-    """Largest ki over many kp, by the quadratic equation at many frequencies."""
+    """Return the largest ki over many kp, by the quadratic equation at many frequencies."""
     w = np.geomspace(1e-3, 1e2, 20001)
     s = 1j * w
     plant = (
@@ -61,7 +61,7 @@ def bound(process, delay, ms, time, top):
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     begin = case.pop("start")
     process, delay, ms, time = (case[key] for key in ("process", "delay", "ms", "filter_time"))

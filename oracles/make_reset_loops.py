@@ -29,7 +29,7 @@ class Run:
         self.pieces = []
 
     def wanted(self, x):
-        """Control signal before the limits."""
+        """Return the control signal before the limits."""
         kp, kd, ka, time = (self.own[key] for key in ("kp", "kd", "ka", "filter_time"))
         error = self.reference(x) - x[-1]
         chain = [error, *x[: self.order]]  # each lag's input and output
@@ -46,7 +46,7 @@ class Run:
         return min(max(self.wanted(x), low), high)
 
     def past(self, t):
-        """Control signal at an earlier time; at rest before 0."""
+        """Return the control signal at an earlier time; at rest before 0."""
         if t < 0:
             return 0.0
         piece = next(p for p in reversed(self.pieces) if p.t_min <= t)

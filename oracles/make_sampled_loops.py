@@ -38,7 +38,7 @@ NODES = 400  # of the circles
 
 
 def terms(kind, own):
-    """C(s) as a list of terms num/den with coefficients in descending powers, exact."""
+    """Return C(s) as a list of terms num/den with coefficients in descending powers, exact."""
     own = {k: [mpf(x) for x in v] if isinstance(v, list) else mpf(v) for k, v in own.items()}
     one = [mpf(1)]
     if kind == "PIDA":
@@ -70,7 +70,7 @@ def summed(fractions):
 
 
 def substituted(num, den, h, method):
-    """The fraction with s replaced by a quotient of polynomials in z."""
+    """Return the fraction with s replaced by a quotient of polynomials in z."""
     up, down = (
         ([1 / h, -1 / h], [mpf(1), mpf(0)]) if method == "backward" else ([2 / h, -2 / h], [mpf(1), mpf(1)])
     )
@@ -103,7 +103,7 @@ def step_values(num, den, times):
 
 
 def characteristic(m):
-    """Characteristic polynomial of a matrix, by Faddeev and Leverrier."""
+    """Return the characteristic polynomial of a matrix, by Faddeev and Leverrier."""
     n, out, power = m.rows, [mpf(1)], mp.eye(m.rows)
     for k in range(1, n + 1):
         product = m * power
@@ -113,7 +113,7 @@ def characteristic(m):
 
 
 def held(num, den, h, late=0.0):
-    """Fraction in z of num/den e^{-s late} between a hold and a sampler."""
+    """Return the fraction in z of num/den e^{-s late} between a hold and a sampler."""
     n, delay = len(den) - 1, mpf(late)
     whole = math.floor(Fraction(late) / Fraction(float(h)))
     companion = matrix(n, n)
@@ -136,7 +136,7 @@ def held(num, den, h, late=0.0):
 
 
 def on_circle(p, q):
-    """p(z) q(1/z) on the unit circle: polynomials in y = 1 - cos, real and imaginary part over sin."""
+    """Return p(z) q(1/z) on the unit circle: polynomials in y = 1 - cos, real and imaginary part over sin."""
     n = max(len(p), len(q)) - 1
     p, q = ([mpf(0)] * (n + 1 - len(x)) + x for x in (p, q))
     p, q = p[::-1], q[::-1]
@@ -155,18 +155,18 @@ def on_circle(p, q):
 
 
 def cleaned(p):
-    """The polynomial with 0 for what is only rounding."""
+    """Return the polynomial with 0 for what is only rounding."""
     size = max(map(fabs, p))
     return [x if fabs(x) > mpf(10) ** -75 * size else mpf(0) for x in p]
 
 
 def zeros(p):
-    """All zeros between 0 and 2 of a polynomial in ascending powers of y."""
+    """Return all zeros between 0 and 2 of a polynomial in ascending powers of y."""
     return Quasi.of_numbers(cleaned(p)).zeros(2)
 
 
 def margins(num, den, h):
-    """The entries of pidalab.Margins for L = num/den in z, by their names there."""
+    """Return the entries of pidalab.Margins for L = num/den in z, by their names there."""
 
     def L(w):
         z = exp(mpc(0, w * h))
@@ -231,7 +231,7 @@ def mean_square(num, den):
 
 
 def expanded(num, den, count):
-    """First terms of num/den in powers of 1/z."""
+    """Return the first terms of num/den in powers of 1/z."""
     num = [mpf(0)] * (len(den) - len(num)) + list(num)
     out = []
     for k in range(count):
@@ -250,7 +250,7 @@ def running(values):
 
 
 def solve(case):
-    """The case with its values, and a line of evidence."""
+    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     h = mpf(case["sample_time"])
     num, den = ([mpf(x) for x in case["process"][k]] for k in ("num", "den"))

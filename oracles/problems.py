@@ -1,6 +1,6 @@
-"""The problems of an oracle: they are in its file, beside the answers.
+"""The problems of an oracle, which are stored in its file with the answers.
 
-To add one, write a case without answers into the file, and run the script that is named there.
+To add a problem, write a case without answers into the file, and run the script that is named there.
 """
 
 import json
@@ -13,15 +13,15 @@ FINER = 8  # points in a dead time at which a growing response is looked at
 
 
 def file_of(script: str) -> Path:
-    """The file that a script makes."""
+    """Return the file that a script makes."""
     name = Path(script).stem.removeprefix("make_")
     return Path(__file__).parents[1] / "tests" / "oracle" / f"{name}.json"
 
 
 def problems(script: str) -> Iterator[dict]:
-    """Cases without their answers.
+    """Return the cases without their answers.
 
-    Of an optimum the digits that it needs to begin with are its `start`; a response that grows has `envelope_times`.
+    An optimum has first digits in `start`. A growing response has `envelope_times`.
     """
     for case in json.loads(file_of(script).read_text(encoding="utf-8"))["cases"]:
         asked = {
@@ -35,7 +35,7 @@ def problems(script: str) -> Iterator[dict]:
 
 
 def rough(found):
-    """A number that is written out, or several, to six digits."""
+    """Return a number, or several, from text, to six digits."""
     return [rough(one) for one in found] if isinstance(found, list) else float(f"{float(found):.6g}")
 
 
@@ -52,12 +52,12 @@ def store(script: str, digits: int, solve: Callable[[dict], tuple[dict, str]], *
 
 
 def rational(num, den):
-    """A block, of coefficients in descending powers."""
+    """Return a block, of coefficients in descending powers."""
     return {"num": [float(x) for x in num], "den": [float(x) for x in den]}
 
 
 def poly(*factors):
-    """Product of polynomials, of numbers of any kind."""
+    """Return the product of polynomials, of numbers of any kind."""
     out = [1]
     for factor in factors:
         new = [0] * (len(out) + len(factor) - 1)

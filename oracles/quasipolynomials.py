@@ -13,7 +13,7 @@ TERMS = 40  # of the power series at 0, beyond the degree of the polynomials
 
 
 def exact(polynomial):
-    """Ascending fractions of a polynomial that is given by floats in descending powers."""
+    """Return the ascending fractions of a polynomial that is given by floats in descending powers."""
     return [Fraction(x) for x in reversed(polynomial)]
 
 
@@ -32,7 +32,7 @@ def slope(p):
 
 
 def on_axis(p):
-    """Real and imaginary part of p(jw)."""
+    """Return the real and imaginary part of p(jw)."""
     signs = (1, 1, -1, -1)
     real = [x * signs[k % 4] if k % 2 == 0 else Fraction(0) for k, x in enumerate(p)]
     imaginary = [x * signs[k % 4] if k % 2 else Fraction(0) for k, x in enumerate(p)]
@@ -40,13 +40,13 @@ def on_axis(p):
 
 
 def squared(p):
-    """|p(jw)|^2."""
+    """Return |p(jw)|^2."""
     real, imaginary = on_axis(p)
     return add(poly(real, real), poly(imaginary, imaginary))
 
 
 def fraction(x):
-    """The fraction that a number in high precision is."""
+    """Return a number in high precision as a fraction."""
     sign, mantissa, power, _ = mpf(x)._mpf_
     return (-1) ** sign * Fraction(int(mantissa)) * Fraction(2) ** power
 
@@ -56,7 +56,7 @@ def number(x):
 
 
 def shifted(p, at):
-    """Coefficients of p(at + x)."""
+    """Return the coefficients of p(at + x)."""
     out = [number(x) for x in p]
     for i in range(len(out)):
         for k in range(len(out) - 2, i - 1, -1):
@@ -65,7 +65,7 @@ def shifted(p, at):
 
 
 def positive_beyond(p, start):
-    """Whether p(w) > 0 for all w >= start, for sure: all coefficients of p(start + x) are positive."""
+    """Return True if all coefficients of p(start + x) are positive, which proves p(w) > 0 for all w >= start."""
     p = list(p)
     while p and p[-1] == 0:
         p.pop()
@@ -89,7 +89,7 @@ class Quasi:
 
     @classmethod
     def of_numbers(cls, p):
-        """The polynomial of ascending numbers in high precision, each of which is a fraction."""
+        """Return the polynomial of ascending coefficients in high precision, as fractions."""
         return cls([fraction(x) for x in p])
 
     def _with(self, work):
@@ -111,11 +111,11 @@ class Quasi:
         )
 
     def over(self, den):
-        """Numerator of the slope of this function divided by a polynomial."""
+        """Return the numerator of the slope of this function divided by a polynomial."""
         return self.slope() * den + self * scaled(slope(den), -1)
 
     def under(self, num):
-        """The same of a polynomial divided by this function."""
+        """Return the numerator of the slope of a polynomial divided by this function."""
         return self * slope(num) + self.slope() * scaled(num, -1)
 
     def __call__(self, w):
@@ -129,7 +129,7 @@ class Quasi:
         return total
 
     def bound(self, center, radius):
-        """Upper bound of the magnitude for |w - center| <= radius."""
+        """Return the upper bound of the magnitude for |w - center| <= radius."""
         total = mpf(0)
         for p in self._numbers:
             if any(p):
@@ -143,7 +143,7 @@ class Quasi:
         return TERMS + max(map(len, (self.a, self.b, self.c)))
 
     def series(self):
-        """Power series at 0, exact."""
+        """Return the power series at 0, exact."""
         out = self.a
         for p, odd in ((self.b, 0), (self.c, 1)):
             term, trigonometric = Fraction(1), []
@@ -158,7 +158,7 @@ class Quasi:
         return next((k, x) for k, x in enumerate(self.series()) if x)
 
     def lowest(self):
-        """Some w below which there are no zeros but 0: the first term of the series is larger than all others."""
+        """Return a w below which only 0 is a zero, since the first term of the series is larger than all others."""
         order, first = self.leading()
         series, w = self.series(), Fraction(1)
         while True:
@@ -172,7 +172,7 @@ class Quasi:
                 )  # intervals then do not end at round numbers, where zeros may lie
 
     def zeros(self, end):
-        """All zeros between 0 and end, both left out."""
+        """Return all zeros between 0 and end, both excluded."""
         low, end, found = self.lowest(), mpf(end), []
         while low < end:
             found += self.zeros_between(low, min(2 * low, end))
@@ -180,7 +180,7 @@ class Quasi:
         return found
 
     def zeros_between(self, low, high):
-        """All zeros between two numbers; there must be none at these, but for 0.
+        """Return all zeros between two numbers, which must not be zeros except 0.
 
         An interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|. If |f'(m)| > r max|f''|,
         f is monotonic there, and the signs at the ends decide. Otherwise the interval is halved.
@@ -206,7 +206,7 @@ class Quasi:
         return sorted(found)
 
     def _between(self, a, b, falls, first):
-        """The zero of a monotonic stretch: Newton's method, and a bisection wherever it leaves the bracket."""
+        """Return the zero of a monotonic function, by Newton's method, or by bisection if that leaves the bracket."""
         w = (a + b) / 2
         for _ in range(400):
             value = self(w)

@@ -1,4 +1,4 @@
-"""Every rule of the library on the 134 processes of Åström and Hägglund, as it comes and at equal terms.
+"""Evaluate every rule of the library on the 134 processes of Åström and Hägglund, as published and at equal terms.
 
 Three tables of the package, which `pidalab.benchmark` reads too, each resumed where it stopped:
 
@@ -62,7 +62,7 @@ RULES = ("plant", "rule", "kind", "terms", *MEASURES, "factor", "filter_time", "
 
 
 def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]]:
-    """A plant and what it is like."""
+    """Return a plant and its properties."""
     own = noise_scale(process)
     w = 2 * math.pi / own.period
     size = [math.log(abs(process(1j * w * factor))) for factor in (0.999, 1.001)]
@@ -84,7 +84,7 @@ def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]
 
 
 def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
-    """Every rule on one plant: its own design, then at equal terms, and what becomes of it on plants that are off."""
+    """Return rows of every rule on one plant, as published and at equal terms, also on changed plants."""
     own = noise_scale(process)
     rows: list[dict[str, Any]] = []
     for rule, kind, make in designs(
@@ -101,7 +101,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
 def off_the_model(
     row: dict[str, Any], make: Callable[[], Design], process: Process, own: NoiseScale
 ) -> dict[str, Any]:
-    """The worst of the plants that are off, as published and with loud noise."""
+    """Return the worst values over changed plants, as published and with loud noise."""
     if "ms" not in row or row["terms"] == "quiet":
         return {}
     try:
@@ -116,12 +116,12 @@ def off_the_model(
 
 
 def optima_rows(name: str, ms: float, process: Process) -> list[dict[str, Any]]:
-    """The best of each kind at all terms."""
+    """Return the optima of each kind at all terms."""
     return [optimum(name, process, order, ms, noise) for order in range(3) for noise in NOISE.values()]
 
 
 def main(tables: list[str], workers: int | None) -> None:
-    """Go on with the tables."""
+    """Continue the tables."""
     cases = list(batch())[::-1]  # those with hardly a lag take longest, and are the first of the batch
     if "processes" in tables:
         plants = [(case.name, case.family, case.process) for case in cases[::-1]]

@@ -1,4 +1,4 @@
-"""The frontier: least IAE over the noise that is allowed, for PI, PID, PIDA and one derivative more.
+"""Compute the frontier, the least IAE over the limit of noise, for PI, PID, PIDA and a further derivative.
 
 Two tables in book/data, each resumed where it stopped, in the units of `own_units`:
 
@@ -48,12 +48,12 @@ DELAYS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # over the time constant of the pair
 def over_noise(
     name: str, order: int, ms: float, process: Process, limits: tuple[float, ...]
 ) -> list[dict[str, Any]]:
-    """One curve."""
+    """Return the rows of one curve."""
     return [optimum(name, process, order, ms, noise) for noise in limits]
 
 
 def mapped() -> dict[str, Process]:
-    """The plants of the map."""
+    """Return the plants of the map."""
     pairs = {
         f"sopdt damping={damping:g} delay={delay:g}": pidalab.sopdt(1.0, 1.0, damping, delay)
         for damping in DAMPINGS
@@ -64,7 +64,7 @@ def mapped() -> dict[str, Process]:
 
 
 def main(tables: list[str], ms: float, workers: int | None) -> None:
-    """Go on with the tables."""
+    """Continue the tables."""
     key = ("plant", "order", "ms_limit")
     if "frontier" in tables:
         curves = [(name, order, ms, process, NOISE) for name, process in PLANTS.items() for order in range(4)]

@@ -1,6 +1,6 @@
 """Find the best controllers of the hidden plants, and write the plants where the page reads them (two minutes).
 
-The page shows no model, so the file is not to be read at a glance: it is scrambled, which is no protection.
+The page does not show the models. So the file is scrambled against accidental reading, which is no protection.
 """
 
 import json
@@ -17,7 +17,7 @@ KEY = b"step first, then look"
 
 
 def lags(gain: float, *times: float, delay: float, zero: float = 0.0) -> pidalab.Process:
-    """A plant of real lags, and a zero."""
+    """Return a plant of real lags, and a zero."""
     den = np.ones(1)
     for time in times:
         den = np.convolve(den, [time, 1.0])
@@ -39,7 +39,7 @@ PLANTS = {
 
 
 def written(process: pidalab.Process) -> dict[str, object]:
-    """The plant, its best controller under the limits, and what that leaves of the error."""
+    """Return the plant, its best controller under the limits, and the error with it."""
     scale = pidalab.noise_scale(process)
     best = optimal.load(process, 2, ms=MS, noise_gain=NOISE * scale.gain, sample_time=scale.sample_time)
     ki, kp, kd, ka = (float(f"{gain:.6g}") for gain in best.controller.coefficients)
@@ -54,7 +54,7 @@ def written(process: pidalab.Process) -> dict[str, object]:
 
 
 def scrambled(plant: dict[str, object]) -> str:
-    """Text that says nothing at a glance."""
+    """Return scrambled text."""
     data = json.dumps(plant).encode()
     return bytes(byte ^ KEY[k % len(KEY)] for k, byte in enumerate(data)).hex()
 

@@ -1,4 +1,4 @@
-"""ITAE-optimal controllers for second-order models with dead time, and what is fitted to them in `pidalab.rules`.
+"""Find ITAE-optimal controllers for second-order models with dead time, and fit rules of `pidalab.rules` to them.
 
 For models of gain 1 and time constant 1 it finds, by simplex search with the exact engine,
 
@@ -74,12 +74,12 @@ Plant = tuple[float, float]
 
 
 def unit(plant: Plant) -> pidalab.Process:
-    """Model of damping and ratio, gain and time constant 1."""
+    """Return the model of damping and ratio, gain and time constant 1."""
     return pidalab.sopdt(1.0, 1.0, *plant)
 
 
 def value(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, end: float = 100.0) -> float:
-    """ITAE of a unit step; infinite for an unstable loop.
+    """Return the ITAE of a unit step; infinite for an unstable loop.
 
     Twice the horizon changes the value of a stored optimum by less than 2e-5 (of one load by 1.3e-4), half the step by
     less than 6e-5.
@@ -99,7 +99,7 @@ def excess(plant: Plant, controller: pidalab.NonInteractivePIDA, bound: float) -
 
 
 def penalised(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, bound: float) -> float:
-    """Logarithm of ITAE plus a steep penalty above the bound on Ms."""
+    """Return the logarithm of ITAE plus a steep penalty above the bound on Ms."""
     cost = value(plant, controller, kind)
     return math.log(cost) + 20 * excess(plant, controller, bound) if cost < math.inf else 1e3
 
@@ -107,7 +107,7 @@ def penalised(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, b
 def search(
     cost: Callable[[np.ndarray], float], start: Sequence[float] | np.ndarray, size: float, tolerance: float
 ) -> np.ndarray:
-    """Simplex search, restarted with smaller simplices until that gains nothing."""
+    """Minimise by simplex search, restarted with smaller simplices until there is no improvement."""
     x, best = np.array(start, dtype=float), math.inf
     for scale in (size, size / 3, size / 9):
         simplex = np.vstack([x, x + scale * np.eye(x.size)])
@@ -122,7 +122,7 @@ def search(
 
 
 def optimum(plant: Plant, kind: str, bound: float) -> pidalab.NonInteractivePIDA:
-    """Best PIDA controller, from the better of two starts: the direct rules for this kind and for the other."""
+    """Return the best PIDA controller from the better of two starts, the direct rules for both kinds of steps."""
     starts = [rule(unit(plant)) for rule, _ in RULES.values()]
     first = min(starts, key=lambda c: penalised(plant, c, kind, bound))
     x = [math.log(v) for v in (first.kc, first.tau_i, first.tau_d, first.tau_a)]
@@ -136,7 +136,7 @@ def optimum(plant: Plant, kind: str, bound: float) -> pidalab.NonInteractivePIDA
 
 
 def best_factors(plant: Plant, kind: str, bound: float) -> itae.Factors:
-    """Best pair of factors for one plant, from the best of a few starts; the structure is that of heo2023."""
+    """Return the best pair of factors of heo2023 for one plant, from the best of a few starts."""
     _, rule = RULES[kind]
 
     def cost(pair: np.ndarray) -> float:
@@ -153,7 +153,7 @@ def best_factors(plant: Plant, kind: str, bound: float) -> itae.Factors:
 
 
 def optimal_pid(plant: Plant, alpha_d: float = 0.05) -> pidalab.NonInteractivePIDA:
-    """Best PID controller for set-point steps, from ITAE-2."""
+    """Return the best PID controller for set-point steps, from ITAE-2."""
 
     def controller(x: np.ndarray) -> pidalab.NonInteractivePIDA:
         return pidalab.NonInteractivePIDA(*np.exp(x), 0.0, alpha_d)
@@ -164,7 +164,7 @@ def optimal_pid(plant: Plant, alpha_d: float = 0.05) -> pidalab.NonInteractivePI
 
 
 def table_factors(plant: Plant, measure: Callable[[pidalab.Response], float]) -> itae.Factors:
-    """Best pair of factors for set-point steps by a measure of the response, from Table 1."""
+    """Return the best pair of factors for set-point steps by a measure of the response, from Table 1."""
 
     def cost(pair: np.ndarray) -> float:
         f_d, f_a = (float(v) for v in pair)
@@ -181,7 +181,7 @@ def table_factors(plant: Plant, measure: Callable[[pidalab.Response], float]) ->
 
 
 def setpoint_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """`direct.setpoint` with other constants: gain, lead, and what the derivative filter takes off the lead."""
+    """Return `direct.setpoint` with other constants: gain, lead, and correction for the derivative filter."""
     xi, r = plant
     gain, lead, off = constants
     b = lead * r - off * (0.05 / (2 * xi)) ** 2 / r
@@ -189,13 +189,13 @@ def setpoint_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractive
 
 
 def load_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """`direct.load` with other constants: each gain is 1, ratio * damping and ratio**2, weighted."""
+    """Return `direct.load` with other constants: each gain is 1, ratio * damping and ratio**2, weighted."""
     xi, r = plant
     return with_gains(constants.reshape(4, 3) @ [1.0, r * xi, r**2] / r ** np.array([3, 2, 1, 0]))
 
 
 def with_gains(gains: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Controller of integral, proportional, derivative gain and of acceleration gain beside the derivative filter."""
+    """Return the controller with given gains, with the acceleration corrected for the derivative filter."""
     ki, kp, kd, ka = gains
     tau_d = kd / kp
     return pidalab.NonInteractivePIDA(kp, kp / ki, tau_d, math.sqrt(2 * (ka / kp + 0.05 * tau_d**2)))
@@ -218,7 +218,7 @@ def load_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteract
 def fit(
     form: Callable, start: Sequence[float], least: dict[Plant, float], kind: str, bound: float
 ) -> np.ndarray:
-    """Constants with the least mean of log(ITAE / optimum), plus 0.3 times the largest one where Ms is bounded."""
+    """Return constants with the least mean of log(ITAE / optimum), plus 0.3 times the largest if Ms is bounded."""
     scale = np.abs(start)
 
     def cost(x: np.ndarray) -> float:
@@ -232,7 +232,7 @@ def fit(
 
 
 def on_fit_board(plant: Plant) -> bool:
-    """Every other plant of the grid, like the black fields of a chess board, and the corners."""
+    """Return True for every other plant of the grid, as on a chess board, and for the corners."""
     i, j = DAMPINGS.index(plant[0]), RATIOS.index(plant[1])
     return (i + j) % 2 == 0 or (i in (0, len(DAMPINGS) - 1) and j in (0, len(RATIOS) - 1))
 

@@ -31,7 +31,7 @@ BOUNDS = {"setpoint": math.inf, "load": 2.0}  # on Ms, of the optima that the ru
 
 
 def on_grid() -> Iterator[tuple]:
-    """Rows of the grid: Ms alone."""
+    """Return the rows of the grid: Ms alone."""
     grid = product(np.linspace(0.3, 2, 15).round(6), np.geomspace(0.1, 2, 15).round(6))
     for kind, rule, (xi, r) in product(heo2023.RULES, ("ITAE-2", "Table 1"), list(grid)):
         model = heo2023.unit(xi, r)
@@ -40,7 +40,7 @@ def on_grid() -> Iterator[tuple]:
 
 
 def on_optima() -> Iterator[tuple]:
-    """Rows of the models whose optimum is known."""
+    """Return the rows of the models whose optimum is known."""
     optima = pd.read_csv(DATA / "itae_optima.csv").query("role in ('fit', 'validation')")
     for one in optima.itertuples():
         if one.ms_bound != BOUNDS[one.kind]:

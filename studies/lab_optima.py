@@ -1,4 +1,4 @@
-"""Find the optima that the lab's search starts from, and those that it is held against (ten minutes).
+"""Find the optima from which the lab's search starts, and those for its test (ten minutes).
 
 For each of the lab's plants the PI, PID and PIDA with the least IAE after a step of the load, under the limits below:
 book/_static/lab/optima.js. For 100 random plants, orders and limits the least IAE: tests/lab/least_iae.csv.
@@ -26,7 +26,7 @@ globalThis.pidalabOptima = """
 
 
 def plants() -> dict[str, pidalab.Process]:
-    """The lab's plants."""
+    """Return the lab's plants."""
     context = MiniRacer()
     context.eval("\n".join((LAB / f"{name}.js").read_text(encoding="utf-8") for name in ("engine", "model")))
     found = json.loads(context.eval("JSON.stringify(pidalabModel.PLANTS)"))
@@ -34,13 +34,13 @@ def plants() -> dict[str, pidalab.Process]:
 
 
 def least_iae(process: pidalab.Process, order: int, ms: float, noise: float) -> pidalab.rules.Design:
-    """The optimum with a largest Ms and relative noise gain."""
+    """Return the optimum with a largest Ms and relative noise gain."""
     scale = pidalab.noise_scale(process)
     return optimal.load(process, order, ms=ms, noise_gain=noise * scale.gain, sample_time=scale.sample_time)
 
 
 def best(process: pidalab.Process, order: int) -> list[float]:
-    """kp, ti, td and ta of the optimum, as far as it has them, and its filter time."""
+    """Return kp, ti, td and ta of the optimum, as far as it has them, and its filter time."""
     controller = least_iae(process, order, MS, NOISE).controller
     ki, kp, *derivatives = controller.coefficients
     values = [kp, kp / ki, *(gain / kp for gain in derivatives), controller.filter_time]
@@ -48,7 +48,7 @@ def best(process: pidalab.Process, order: int) -> list[float]:
 
 
 def random_plant(rng: np.random.Generator) -> tuple[str, list[float], list[float], float]:
-    """Structure, numerator, denominator and dead time of a plant, with four digits."""
+    """Return structure, numerator, denominator and dead time of a plant, with four digits."""
 
     def times(count: int, low: float, high: float) -> np.ndarray:
         return 10 ** rng.uniform(low, high, count)
@@ -73,7 +73,7 @@ def random_plant(rng: np.random.Generator) -> tuple[str, list[float], list[float
 
 
 def random_optima() -> list[list[object]]:
-    """Rows of the plants, the limits and the least IAE."""
+    """Return the rows of the plants, the limits and the least IAE."""
     rng, rows = np.random.default_rng(36), []
     for _ in range(RANDOM):
         name, num, den, delay = random_plant(rng)

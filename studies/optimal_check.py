@@ -1,13 +1,13 @@
-"""`pidalab.optimal.load` beside a second, independent optimiser on twenty plants.
+"""Compare `pidalab.optimal.load` with a second, independent optimiser on twenty plants.
 
-The second one shares nothing with the first but the exact engine: no gradients, no ladder, no transforms. The range of
-filter times is cut into bands, so that no valley draws all of the search into it; in each band differential evolution
-goes through hundreds of controllers, limits judged on a dense grid of frequencies, the error in the simulated loop. The
-best of each band then goes to the bottom by the simplex method, its filter time set free.
+The second one shares only the exact engine with the first. It uses no gradients, no grid of filter times and no
+transforms. The range of filter times is divided into bands, so that the search covers all of them. In each band
+differential evolution evaluates hundreds of controllers, with limits on a dense grid of frequencies and the error of
+the simulated loop. The simplex method then refines the best of each band, with a free filter time.
 
-Each plant is a row of book/data/optimal_check.csv, written as soon as it is done; what is there is not computed again.
-Plants can be named: ``python studies/optimal_check.py lags3 ipdt``. One takes a minute on a quiet core. With ``own`` as
-the only name, `pidalab.optimal.load` is run again on all plants of the table, beside what the second one found.
+Each plant is a row of book/data/optimal_check.csv, written as soon as it is done. Existing rows are not computed again.
+Plants can be named: ``python studies/optimal_check.py lags3 ipdt``. One takes a minute on an idle core. With ``own`` as
+the only name, `pidalab.optimal.load` is run again on all plants of the table.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ LOW, HIGH = (
     np.log([5.0, 20.0, 10.0, 5.0]),
 )  # gains, in units of the process
 MEMBERS, GENERATIONS = 8, 40  # of the differential evolution in each band, members per unknown
-SIMPLEX = 600  # evaluations on the way to the bottom, from the best of each band
-PRICE = 100.0  # of a missed limit, as a share of the IAE
+SIMPLEX = 600  # evaluations of the refinement, from the best of each band
+PENALTY = 100.0  # for a violated limit, as a share of the IAE
 PLANTS: dict[str, tuple[Process, float]] = {  # with the limit of |C S|
     "lags2": (pidalab.lags(2, delay=0.5), 20.0),
     "lags3": (pidalab.lags(3, delay=1.0), 20.0),
@@ -65,7 +65,7 @@ PLANTS: dict[str, tuple[Process, float]] = {  # with the limit of |C S|
 
 
 class Judge:
-    """IAE of a load step, with a price on what a loop must not do; counts how often it is asked."""
+    """IAE of a load step, with a penalty for violated limits and a count of evaluations."""
 
     def __init__(self, process: Process, mks: float, order: int = ORDER) -> None:
         self.process, self.mks, self.order, self.asked = process, mks, order, 0
@@ -76,7 +76,7 @@ class Judge:
         self.gain = abs(process(1j / self.time))
 
     def loop(self, z: np.ndarray) -> Loop:
-        """The loop of logarithms of gains and filter time, in units of the process."""
+        """Return the loop of logarithms of gains and filter time, in units of the process."""
         units = self.time ** np.arange(-1.0, self.order + 1) / self.gain
         return Loop(
             self.process,
@@ -84,7 +84,7 @@ class Judge:
         )
 
     def peaks(self, z: np.ndarray) -> np.ndarray:
-        """Peaks of |S| and |C S| over their limits; 2 where they are kept by an unstable loop."""
+        """Return the peaks of |S| and |C S| over their limits, or 2 if an unstable loop keeps them."""
         self.asked += 1
         loop = self.loop(z)
         sensitivity = loop.S(self.s)
@@ -101,21 +101,21 @@ class Judge:
             return False
 
     def error(self, z: np.ndarray) -> float:
-        """IAE of a step of the load."""
+        """Return the IAE of a step of the load."""
         return pidalab.load_response(self.loop(z), self.t).iae()
 
     def priced(self, z: np.ndarray) -> float:
-        """IAE with a price on limits that are missed; for the simplex method, which knows no limits."""
+        """Return the IAE with a penalty for violated limits, for the simplex method."""
         if np.max(np.abs(z)) > 20.0:
             return 1e12
         missed = float(np.maximum(self.peaks(z) - 1, 0.0).sum())
         if not self.stable(self.loop(z)):
             return 1e6 * self.time / self.gain * (1 + missed)
-        return self.error(z) * (1 + PRICE * missed)
+        return self.error(z) * (1 + PENALTY * missed)
 
 
 def second(process: Process, mks: float, seed: int) -> tuple[float, int]:
-    """Least IAE that the second optimiser finds with all limits kept, and how often it looked."""
+    """Return the least IAE of the second optimiser within all limits, and its number of evaluations."""
     judge, least = Judge(process, mks), math.inf
     kept = NonlinearConstraint(judge.peaks, 0.0, 1.0)
     for band, (low, high) in enumerate(pairwise(BANDS)):
@@ -127,7 +127,7 @@ def second(process: Process, mks: float, seed: int) -> tuple[float, int]:
                 judge.error, bounds, constraints=kept, popsize=MEMBERS, maxiter=GENERATIONS, init="sobol",
                 polish=False, tol=0.0, rng=10 * seed + band,
             ).x  # fmt: skip
-        for _ in range(2):  # a simplex that has shrunk is set up anew
+        for _ in range(2):  # a simplex that has shrunk is started again
             options = {"maxfev": SIMPLEX // 2, "fatol": 1e-7, "adaptive": True}
             x = minimize(judge.priced, x, method="Nelder-Mead", options=options).x
         loop = judge.loop(x)
@@ -155,18 +155,18 @@ def store(found: list[dict]) -> None:
 
 
 def own(name: str) -> float:
-    """Least IAE that `pidalab.optimal.load` finds for a plant."""
+    """Return the least IAE that `pidalab.optimal.load` finds for a plant."""
     process, mks = PLANTS[name]
     return float(pidalab.optimal.load(process, ORDER, ms=MS, mks=mks).iae)
 
 
 def compared(line: dict, iae: float, least: float) -> dict:
-    """A line of the table with the results of both."""
+    """Return a line of the table with the results of both."""
     return line | {"iae": f"{iae:.6g}", "iae_second": f"{least:.6g}", "ratio": f"{iae / least:.5f}"}
 
 
 def main(names: list[str]) -> None:
-    """Go through the plants that are not in the file yet."""
+    """Compute the plants that are not in the file yet."""
     if names == ["own"]:
         old = tqdm(rows(), unit="plant")
         store([compared(o, own(o["plant"]), float(o["iae_second"])) for o in old])

@@ -1,13 +1,13 @@
-"""Plants in their own units, and tables that a study can be stopped and resumed with.
+"""Plants in their own units, and tables of studies that can be interrupted and resumed.
 
-A loop around a plant can hardly be faster than the plant's ultimate period Pu, and its controller hardly stronger than
-the ultimate gain Ku. In these units plants compare that are a thousand times faster or slower than each other:
+A loop can hardly be faster than the ultimate period Pu of its plant, and the gain of its controller can hardly exceed
+the ultimate gain Ku. In these units plants are comparable that are a thousand times faster or slower than each other:
 
 =================  ===============  ========================================================
 quantity           unit             so that
 =================  ===============  ========================================================
 time               Pu               noise is sampled a hundred times in a period: Pu/100
-gain of noise      Ku               1 is as loud as the proportional controller that makes the loop oscillate
+gain of noise      Ku               1 is the gain of the proportional controller that makes the loop oscillate
 IAE, load step     Pu/Ku            y moves by about 1/Ku, for about a period
 IAE, set point     Pu
 =================  ===============  ========================================================
@@ -31,14 +31,14 @@ from pidalab.plant.tuning import perturbed_plants
 from pidalab.simulation import sampled
 
 DATA = Path(__file__).parents[1] / "book" / "data"
-OFF = 0.2  # what the model may be wrong by: gain, time scale, dead time
-HORIZON = 24.0  # of a first response, in ultimate periods
+OFF = 0.2  # relative error of the model in gain, time scale and dead time
+HORIZON = 24.0  # length of the first response, in ultimate periods
 DIGITS = 5
 
 
 def five_digits() -> None:
-    """Let a process of a study follow noise no longer than five digits need: slow loops take long."""
-    sampled.FADED = 1e-7  # of the squares of a response
+    """Limit the response to noise to five digits in this process, since slow loops take long."""
+    sampled.FADED = 1e-7
 
 
 OPTIMUM = ("plant", "order", "ms_limit", "noise_limit", "iae", "ms", "mks", "noise_gain", "filter_time")
@@ -48,7 +48,7 @@ COLUMNS = (*OPTIMUM, *GAINS, *WORST, "active", "reason")
 
 
 def optimum(name: str, process: Process, order: int, ms: float, noise: float) -> dict[str, Any]:
-    """Least IAE under both limits as a row, in the plant's units; why there is none, where there is none."""
+    """Return the least IAE under both limits as a row, in the plant's units, or the reason why there is none."""
     own = noise_scale(process)
     row: dict[str, Any] = {"plant": name, "order": order, "ms_limit": ms, "noise_limit": noise}
     try:
@@ -71,7 +71,7 @@ def optimum(name: str, process: Process, order: int, ms: float, noise: float) ->
 
 
 def worst(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, float]:
-    """Largest Ms and IAE over the eight plants that are off; infinite where one of their loops is unstable."""
+    """Return the largest Ms and IAE over the eight changed plants, infinite if one of their loops is unstable."""
     loops = off(loop, process)
     if not all(pidalab.is_stable(other) for other in loops):
         return {"ms_worst": math.inf, "iae_worst": math.inf}
@@ -81,7 +81,7 @@ def worst(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, fl
 
 
 def least_robust(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, float]:
-    """Largest Ms over the eight plants that are off, and the IAE on the plant that has it; one response, not eight."""
+    """Return the largest Ms over the eight changed plants, and the IAE on that plant, with only one response."""
     loops = off(loop, process)
     if not all(pidalab.is_stable(other) for other in loops):
         return {"ms_worst": math.inf, "iae_least_robust": math.inf}
@@ -90,14 +90,14 @@ def least_robust(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[
 
 
 def off(loop: pidalab.Loop, process: Process) -> list[pidalab.Loop]:
-    """The same controller around the plants that are off."""
+    """Return the loops of the controller with the changed plants."""
     return [
         pidalab.Loop(plant, loop.controller, loop.output_filter) for plant in perturbed_plants(process, OFF)
     ]
 
 
 def load_iae(loop: pidalab.Loop, own: NoiseScale) -> float:
-    """IAE of a load step."""
+    """Return the IAE of a load step."""
     from pidalab.simulation.exact import simulate_until_settled
 
     return simulate_until_settled(pidalab.load_response, loop, HORIZON * own.period).iae(horizon=math.inf)
@@ -107,7 +107,7 @@ def load_iae(loop: pidalab.Loop, own: NoiseScale) -> float:
 
 
 def written(value: Any) -> Any:
-    """A number with few digits, for a file that people read."""
+    """Return a number with few digits, for a file that people read."""
     return f"{value:.{DIGITS}g}" if isinstance(value, float) else value
 
 
@@ -119,7 +119,7 @@ def resume(
     work: Callable[..., list[dict[str, Any]]],
     workers: int | None = None,
 ) -> None:
-    """Do the tasks that the file does not hold yet, on all cores; the rows of a task are written when it is done.
+    """Do the tasks that are not in the file yet, on all cores, and write the rows of each task when it is done.
 
     A task is known by the values of the columns `key`, with which it begins.
     """

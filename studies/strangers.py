@@ -27,9 +27,9 @@ KINDS = ("PI", "PID", "PIDA")
 FAULTS = ("none", "none", "drift", "sticking valve", "changing gain")
 DRAWN = ("seed", "number", "shape", "fault", "kind", "noise")
 FOUND = ("model", "ms_true", "ms_worst", "price", "refusal")
-STUCK = 0.15  # largest share of the step by which a valve stops short of it
-CHANGE = 0.3  # of the gain from the beginning to the end of the step
-DRIFT = 0.05  # largest, as a share of the answer, over the record
+STUCK = 0.15  # largest error of a sticking valve, as a share of the step
+CHANGE = 0.3  # relative change of the gain from the beginning to the end of the step
+DRIFT = 0.05  # largest drift over the record, as a share of the response
 
 
 def plant(shape: str, rng: np.random.Generator) -> tuple[Process, float]:

@@ -24,24 +24,22 @@ def drawn(ax, *labels, **style):
     return [look(ax.plot([0, 1], [0, 1], label=label, **style)[0]) for label in labels]
 
 
-def test_a_kind_has_its_look_in_any_order(axes):
-    assert drawn(axes[0], "PI", "PID", "PIDA") == ["PI", "PID", "PIDA"]
-    assert drawn(axes[1], "PIDA, Ms 1.4", "m = 0", "PID₃²") == ["m = 3", "m = 4", "other"]
-
-
-def test_a_second_design_of_a_kind_keeps_its_look_in_every_panel(axes):
-    assert drawn(axes[0], "PIDA, fast", "PIDA, slow") == ["PIDA", "m = 3"]
-    assert drawn(axes[1], "PIDA, slow", "PIDA, fast") == ["m = 3", "PIDA"]
-
-
-def test_a_label_without_a_kind_takes_no_look_that_is_taken(axes):
-    assert drawn(axes[0], "PID₂²", "Lurang") == ["PIDA", "m = 3"]
-    assert drawn(axes[1], "Lurang") == ["m = 3"]
-
-
-def test_what_appears_on_several_pages_has_its_look_in_any_company(axes):
-    assert drawn(axes[0], "MRDP-PIDA", "PIDA$_1$") == ["PIDA", "m = 4"]
-    assert drawn(axes[1], "automatic reset", "clamping") == ["m = 4", "m = 3"]
+@pytest.mark.parametrize(
+    "panels",
+    [
+        # in any order
+        ({"PI": "PI", "PID": "PID", "PIDA": "PIDA"}, {"PIDA, Ms 1.4": "m = 3", "m = 0": "m = 4", "PID₃²": "other"}),
+        # a second design of a kind, in every panel
+        ({"PIDA, fast": "PIDA", "PIDA, slow": "m = 3"}, {"PIDA, slow": "m = 3", "PIDA, fast": "PIDA"}),
+        # a label without a kind takes no look of another line
+        ({"PID₂²": "PIDA", "Lurang": "m = 3"}, {"Lurang": "m = 3"}),
+        # what appears on several pages
+        ({"MRDP-PIDA": "PIDA", "PIDA$_1$": "m = 4"}, {"automatic reset": "m = 4", "clamping": "m = 3"}),
+    ],
+)  # fmt: skip
+def test_a_label_has_one_look_in_all_panels(axes, panels):
+    for ax, looks in zip(axes, panels, strict=True):
+        assert drawn(ax, *looks) == [*looks.values()]
 
 
 def test_labels_stand_beside_their_lines(axes):

@@ -101,21 +101,6 @@ def test_ultimate_frequency_in_closed_form(process, frequency):
     assert ultimate_frequency(process) == pytest.approx(frequency, rel=1e-9)
 
 
-@pytest.mark.parametrize("reduce", [to_fopdt, to_sopdt])
-@pytest.mark.parametrize(
-    "process",
-    [
-        pidalab.Process([1.0], [1.0, 0.0, 1.0], 1.0),
-        pidalab.Process([1.0, 0.0], [1.0, 1.0], 1.0),
-        pidalab.Process([1.0, 1.0], [1.0, 3.0, 3.0, 1.0]),
-        pidalab.ipdt(1.0, 1.0),
-    ],
-)
-def test_processes_without_a_model_are_refused(reduce, process):
-    with pytest.raises(ValueError, match="process"):
-        reduce(process)
-
-
 def test_many_equal_lags_are_as_stable_as_the_loop_says():
     """150 lags of 1: the phase falls to -pi at tan(pi/150), and the areas are binomial coefficients."""
     process = pidalab.lags(150)

@@ -29,15 +29,6 @@ SINE = from_error(
 )  # to t = 10.2, crossings at multiples of pi inside samples
 
 
-def test_exponential_error():
-    last = T[-1]
-    assert DECAY.ie() == pytest.approx(1 - math.exp(-last), rel=1e-12)
-    assert DECAY.iae() == pytest.approx(1 - math.exp(-last), rel=1e-12)
-    assert DECAY.ise() == pytest.approx(0.5, rel=1e-8)
-    assert DECAY.itae() == pytest.approx(1 - (1 + last) * math.exp(-last), rel=1e-7)
-    assert DECAY.itae(origin=-2.0) == pytest.approx(3.0, rel=1e-7)
-
-
 def integral_of_abs_sine(x):
     return 2 * math.floor(x / math.pi) + 1 - math.cos(x % math.pi)
 

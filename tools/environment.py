@@ -1,7 +1,7 @@
 """Make `.venv` from the locked requirements: ``python tools/environment.py``, with ``--dev`` for tests and tools, too.
 
-Needs Python alone, on any system. Every package is held against its hash. `uv` fills the environment several times
-faster than pip; it comes out of the lock itself, and where it cannot be had, pip does the work.
+Needs only Python, on any system. Every package is verified by its hash. `uv` from the lock file is several times faster
+than pip. If it cannot be installed, pip is used.
 """
 
 import os
@@ -27,7 +27,7 @@ def pip(*arguments: str | Path) -> bool:
 
 
 def uv() -> Path | None:
-    """Return uv, which is installed if it is not there; None where it cannot be had."""
+    """Return uv, installed if necessary, or None if that fails."""
     found = SCRIPTS / ("uv.exe" if os.name == "nt" else "uv")
     if found.exists():
         return found
@@ -41,7 +41,7 @@ def uv() -> Path | None:
 
 
 def install(lock: Path) -> None:
-    """Install what a lock names."""
+    """Install the packages of a lock file."""
     fast = uv()
     if fast:
         command = [fast, "pip", "install", "--quiet", "--python", PYTHON, HASHES, "-r", lock]
@@ -53,7 +53,7 @@ def install(lock: Path) -> None:
 
 
 def main(which: str) -> None:
-    """Fill the environment, and say so to `make`."""
+    """Fill the environment, and write the stamp for `make`."""
     if not PYTHON.exists():
         venv.create(FOLDER, with_pip=True)
     install(LOCKS[which])

@@ -1,4 +1,4 @@
-"""Use an installed pidalab as its users do: no clone, no tests, nothing beside it but its dependencies.
+"""Use an installed pidalab without a clone and tests, with only its dependencies.
 
 Run by `tools/release.py` with the interpreter of an empty environment, in an empty folder.
 """
@@ -27,7 +27,7 @@ def package() -> str:
 
 
 def loop() -> str:
-    """Tune a controller; the load response of the loop agrees with the integral that its gains give."""
+    """Tune a controller, and compare the load response of the loop with the integral from its gains."""
     process = pidalab.lags(3, delay=1.0)
     design = pidalab.rules.haalman.tune(process, ms=1.6)
     t = np.linspace(0, 200, 20001)
@@ -40,7 +40,7 @@ def loop() -> str:
 
 
 def command_line() -> str:
-    """Write code in four languages from a record; a wrong argument gives one line."""
+    """Write code in four languages from a record, and check that a wrong argument gives one line."""
     t = np.arange(0.0, 60.0, 0.25)
     y = np.interp(t - 5.0, t, pidalab.open_loop_step(pidalab.fopdt(1.0, 4.0, 1.0), t).y, left=0.0)
     table = np.column_stack([t, np.where(t < 5.0, 0.0, 1.0), y])
@@ -61,7 +61,7 @@ def command_line() -> str:
 
 
 def ledger() -> str:
-    """The ledgers are the book's, not the library's: outside a clone they are said to be missing."""
+    """Check that a message explains the missing ledgers outside a clone."""
     try:
         Ledger.open("haalman2024")
     except LedgerError as missing:

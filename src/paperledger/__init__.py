@@ -1,28 +1,25 @@
-"""Printed against computed: every number and statement of a paper, its value here, and the verdict.
+"""Comparison of the printed numbers and statements of papers with computed ones.
 
-A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the paper compute, and hand over what they
-computed::
+A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the paper compute and pass their results::
 
     from paperledger import Ledger
 
     book = Ledger.open("haalman2024")  # a chapter; its audit adds page="audit/haalman2024"
     book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # printed / computed, a column for each last part
-    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # a statement: its row knows the relation
+    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # a statement, whose row holds the relation
     book.close()
 
-A value or evidence that drifts from the stored one fails, and so do a verdict that no longer follows, a declared
-disagreement that starts to agree, an id that is unknown, a row of the page that was not handed over. A verdict is one
-of
+A run fails if a value or the evidence of a statement differs from the stored one, a verdict no longer follows, the
+numbers of a declared disagreement begin to agree, an id is unknown, or a row of the page was not passed. Verdicts are
 
-* ``reproduced``, ``last-digit``, ``approximate``: these follow from the two numbers, see `derive`;
+* ``reproduced``, ``last-digit``, ``approximate``: these follow from the two numbers (see `derive`);
 * ``holds``, ``fails``: these follow from the inequality of two computed numbers that decides a statement;
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
 
-The basis of a row says where its value comes from: the paper's problem (``computed``), the paper's problem with
-settings that were found by trying, from these very prints (``fitted``), other printed results (``from-print``), or
-reading alone (``reading``).
+The basis of a row is the origin of its value: the paper's problem (``computed``), the paper's problem with settings
+that were fitted to these prints (``fitted``), other printed results (``from-print``), or reading alone (``reading``).
 
-``python -m paperledger update haalman2024`` runs the pages of a paper, stores what is new and prints what changed;
+``python -m paperledger update haalman2024`` runs the pages of a paper, stores the results and prints the changes.
 ``show``, ``check``, ``manifest`` and ``readme`` print, validate, freeze and publish.
 """
 

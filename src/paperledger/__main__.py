@@ -4,9 +4,9 @@ new KEY           write the files of a new paper, and list what else it needs
 update KEY ...    run the pages of papers and store what they compute
 show KEY ...      print ledgers, printed beside computed
 check             validate all files, print their scores, and list what a paper lacks
-manifest          freeze what is claimed, and print what changed; review it line by line
-shake LIBRARY KEY ...  run pages with a package that is slightly off, and see each row move
-readme FILE ...   bring the score in Markdown files up to date
+manifest          store all claims, and print changes; review them line by line
+shake LIBRARY KEY ...  run pages with a slightly wrong package, and check that each row changes
+readme FILE ...   update the score in Markdown files
 """
 
 import argparse
@@ -51,7 +51,8 @@ def run(command: str, names: Sequence[str]) -> None:
             changes = freeze()
             print(*changes, f"manifest: {'rewritten' if changes else 'up to date'}", sep="\n")
         case "shake":
-            from paperledger.shake import Shaker, shake  # numpy takes a while, and only this needs it
+            # Importing numpy takes a while, and only this command needs it.
+            from paperledger.shake import Shaker, shake
 
             if not names:
                 raise LedgerError("shake needs the name of the package that computes: shake LIBRARY KEY ...")
@@ -63,13 +64,13 @@ def run(command: str, names: Sequence[str]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command, of the command line by default; 0, or 1 after printing what is wrong."""
+    """Run one command, by default that of the command line. Return 0, or 1 after printing an error."""
     parser = argparse.ArgumentParser("python -m paperledger", usage=__doc__.partition(": ")[2])
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a console that cannot show τ prints its escape
+        if hasattr(stream, "reconfigure"):  # A console that cannot show τ prints its escape sequence.
             stream.reconfigure(errors="backslashreplace")
     try:
         run(asked.command, asked.names)
@@ -80,5 +81,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    os.environ["MPLBACKEND"] = "Agg"  # pages open no windows
+    os.environ["MPLBACKEND"] = "Agg"  # Pages must not open windows.
     sys.exit(main())

@@ -22,7 +22,7 @@ MARKS = {"last-digit": "°", "approximate": "~", "differs": "†", "misprint": "
 
 
 class Ledger:
-    """The printed numbers and statements of one paper, each waiting for what a page computes.
+    """Printed numbers and statements of one paper, to be compared with computed ones.
 
     An id may be given without the key of the paper: ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
 
@@ -31,11 +31,11 @@ class Ledger:
     path : pathlib.Path
         The csv file; its stem is the key of the paper.
     rows : sequence of Row
-        The rows of the file; see `Ledger.open`.
+        The rows of the file.
     page : str, optional
-        The notebook that uses it; by default the chapter, which is called like the paper.
+        The notebook that uses it. By default the chapter, which is named after the paper.
     words : mapping of str to str, optional
-        How the paper writes an id, or a part of one; `compare` labels its table with them.
+        How the paper writes an id, or a part of one, for the labels of `compare`.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class Ledger:
     rows : dict of str to Row
         By id, in the order of the file.
     fresh : dict of str to Row
-        What has been handed over so far, as rows.
+        Rows with the values that were passed so far.
     refused : list of str
-        The failures so far. `close` raises them again, so that a page cannot swallow them.
+        The failures so far. `close` raises them again, so that a page cannot suppress them.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Ledger:
     """
 
     _recorded: ClassVar[list["Ledger"] | None] = None  # ledgers that `recording` collects
-    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # what pages read in print
+    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # the printed entry that pages read
 
     def __init__(
         self,
@@ -99,8 +99,8 @@ class Ledger:
         paper : str
             Key of the paper, such as ``haalman2024``.
         page : str, optional
-            The notebook that opens it, its path below ``book`` without suffix, such as ``audit/haalman2024``; by
-            default the chapter, which is called like the paper. `close` asks for the rows of this page.
+            The notebook that opens it, as a path below ``book`` without suffix, such as ``audit/haalman2024``. By
+            default the chapter, which is named after the paper. `close` checks the rows of this page.
         folder : path, optional
             Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
         words : mapping of str to str, optional
@@ -139,7 +139,7 @@ class Ledger:
         values : mapping
             Numbers nested by the parts of their ids, ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``, or by whole ids.
         digits : int, optional
-            Significant digits that are determined; fewer than ten need a note that says why, with the word *digits*.
+            Number of significant digits. Fewer than ten need a note that says why, with the word *digits*.
 
         Returns
         -------
@@ -150,8 +150,8 @@ class Ledger:
         Raises
         ------
         LedgerError
-            Listing every value that is unknown or not a finite number, has drifted from the stored one, no longer has
-            the verdict of the file, or agrees although it was declared not to.
+            With a line for every value that is unknown, not finite, or different from the stored one, no longer has the
+            verdict of the file, or agrees although it was declared not to.
 
         Examples
         --------
@@ -184,7 +184,7 @@ class Ledger:
         return frame.rename_axis(columns="printed / computed")
 
     def spell(self, id: str) -> str:
-        """Return an id, or a part of one, as the paper writes it.
+        """Return an id, or a part of one, in the paper's notation.
 
         Parameters
         ----------
@@ -206,22 +206,22 @@ class Ledger:
         return ", ".join(self.words.get(part, part) for part in parts)
 
     def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
-        """Decide a statement by numbers of this run, by the relation in its row.
+        """Decide a statement by numbers of this run and the relation in its row.
 
         Parameters
         ----------
         id : str
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Left and right side by case, of which the worst decides (the best, where the relation says *some*); or both
-            sides of the only case; or a residual, of an identity. ``==`` takes integers.
+            Left and right side by case, of which the worst decides (the best if the relation says *some*), or both
+            sides of a single case, or the residual of an identity. ``==`` takes integers.
         digits : int, optional
             As in `compare`.
 
         Returns
         -------
         str
-            The verdict and what decided it.
+            The verdict and its evidence.
 
         Raises
         ------
@@ -243,7 +243,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # a run that only records, such as one with the library slightly off, may tip a case
+                # A run that only records, such as one with a slightly wrong library, may change the verdict of a case.
                 found = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=found.verdict, evidence=str(found))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -256,7 +256,7 @@ class Ledger:
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:
-        """Return the row of what is handed over, if it takes something of this kind."""
+        """Return the row of an id, and check that it takes this kind of value."""
         row = self.row(id)
         if row.basis == "reading":
             raise LedgerError(f"{row.id}: its basis is reading, so nothing computed belongs there")
@@ -269,9 +269,9 @@ class Ledger:
         return row
 
     def _take(self, fresh: Row) -> Row:
-        """Store a row that was handed over, unless it disagrees with the file; return the row to show.
+        """Store a row that was passed, unless it disagrees with the file. Return the row to show.
 
-        While it agrees, what is stored is shown and decides the verdict, so that noise never flips one.
+        If it agrees, the stored value is shown and decides the verdict, so that noise never changes a verdict.
         """
         row = self.rows[fresh.id]
         with naming(row.id):
@@ -292,7 +292,7 @@ class Ledger:
         return kept
 
     def row(self, id: str) -> Row:
-        """Return a row, to read what is printed and how precisely.
+        """Return a row, with its print and its precision.
 
         Parameters
         ----------
@@ -347,16 +347,16 @@ class Ledger:
         return float(row.printed)
 
     def _owed(self) -> list[Row]:
-        """Return the rows that this page has to hand over."""
+        """Return the rows that this page has to pass."""
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """End a page: every row of this page must have been handed over, and none refused. Prints their score.
+        """End a page. Check that every row of this page was passed and none refused, and print their score.
 
         Raises
         ------
         LedgerError
-            Listing the ids that were not, and what was refused before and swallowed by the page.
+            With the ids that were not passed, and all refusals, also those that the page suppressed.
 
         Examples
         --------
@@ -373,7 +373,7 @@ class Ledger:
         print(display.score_line(self.page, display.score(self._owed())))
 
     def problems(self) -> list[str]:
-        """List what is wrong with the file taken alone, one line each.
+        """List the errors of the file by itself, one line each.
 
         Returns
         -------
@@ -405,13 +405,13 @@ class Ledger:
         return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
     def index(self) -> Display:
-        """Return what the paper prints, where this book computes it, and what comes out, in the order of the file.
+        """Return each printed item, where this book computes it, and the result, in the order of the file.
 
         Returns
         -------
         Display
-            A line for each printed item with numbers, and one for the statements. Items link to the heading of the page
-            that names them.
+            A line for each printed item with numbers, and one for the statements. Items link to the heading that names
+            them.
 
         Examples
         --------
@@ -431,7 +431,7 @@ class Ledger:
         Parameters
         ----------
         *prefixes : str
-            What the ids start with, the key of the paper apart; without any all rows are shown.
+            Beginnings of ids, without the key of the paper. By default all rows are shown.
 
         Returns
         -------
@@ -461,9 +461,9 @@ class Ledger:
 
 @contextmanager
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
-    """Let ledgers that are opened store what they are given without comparing it; yield these ledgers.
+    """Let ledgers that are opened in this context store values without comparing them. Yield these ledgers.
 
-    `printed` returns what they show as the print of a row.
+    `printed` returns the print of a row that pages then read.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
@@ -480,14 +480,14 @@ def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator
 
 
 def _headings(notebook: Path) -> list[str]:
-    """Return the headings of a notebook; none if there is no such file."""
+    """Return the headings of a notebook, none if the file does not exist."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"] if notebook.is_file() else []
     texts = ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
     return [found for text in texts for found in re.findall(r"^##+ (.+)$", text, re.MULTILINE)]
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Walk nested numbers by their ids."""
+    """Yield nested numbers with their ids."""
     for key, value in values.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{prefix}{key}.")
@@ -511,7 +511,7 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     Raises
     ------
     LedgerError
-        Listing everything that is wrong with the files.
+        With all errors of the files.
 
     Examples
     --------

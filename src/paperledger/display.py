@@ -12,7 +12,7 @@ from html import escape
 from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
-GROUPS = {  # how rows are counted: by verdict where the paper's problem decides, otherwise by what they rest on
+GROUPS = {  # Rows whose value comes from the paper's problem are counted by verdict, all others by basis.
     "computed from the paper's problem": {
         word: word for word in (*VERDICTS, "open") if word != "not-computable"
     },
@@ -28,17 +28,17 @@ GROUPS = {  # how rows are counted: by verdict where the paper's problem decides
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
 BASIS = {"computed": "", "fitted": "settings fitted", "from-print": "from print", "reading": "by reading"}
-# K_-1, PID_2^2, A_(2m+3), (1 + T s)^n: a letter, capitals or a bracket with an index, an exponent, or both
+# A letter, capitals or a bracket with an index, an exponent, or both: K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
     rf"((?<![A-Za-z])[a-z][\u0300-\u036f]?|[A-Z][\u0300-\u036f]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?"
 )
-_LETTER = re.compile(r"[^\W\d_][\u0300-\u036f]?")  # one letter, perhaps with a bar or hat
+_LETTER = re.compile(r"[^\W\d_][\u0300-\u036f]?")  # one letter, optionally with a bar or hat
 
 
 @dataclass(frozen=True)
 class Display:
-    """Something to show: a notebook takes the HTML, everything else the text.
+    """Output with two forms: HTML for a notebook, text for everything else.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Display:
 
 @dataclass(frozen=True)
 class Cell:
-    """An entry of a table: its text, its HTML, the class of the HTML cell, and how many columns it takes."""
+    """Entry of a table: text, HTML, class of the HTML cell, and number of columns."""
 
     text: str
     html: str
@@ -74,7 +74,7 @@ class Cell:
 
 
 def markup(text: str) -> str:
-    """Escape plain text and typeset its names: an index is lowered, an exponent raised, a single letter slanted.
+    """Escape plain text and typeset its symbols, with index, exponent and italic letters.
 
     >>> markup("K_-1 of PID_2^2 < 3")
     '<i>K</i><sub>−1</sub> of PID<sub>2</sub><sup>2</sup> &lt; 3'
@@ -100,7 +100,7 @@ def words(text: str) -> Cell:
 
 
 def number(text: str) -> Cell:
-    """Make a cell of a number, to be aligned as one."""
+    """Make a cell of a number, which is aligned accordingly."""
     return Cell(text, escape(text).replace("-", "−"), "number")
 
 
@@ -111,7 +111,7 @@ def grid(
     heading: int = 0,
     notes: Sequence[str] = (),
 ) -> Display:
-    """Lay cells out as a table of a class, one cell of each row its heading; a terminal shows notes beside the rows.
+    """Make a table of a class from rows of cells. A terminal shows notes to the right of the rows.
 
     >>> grid("demo", ["rule", "gain"], [[words("SIMC"), number("1.5")]])
     rule  gain
@@ -121,7 +121,7 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        columns = zip(row, header, strict=False)  # no number comes after a cell that spans several columns
+        columns = zip(row, header, strict=False)  # No number follows a cell that spans several columns.
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -132,7 +132,7 @@ def grid(
 
 
 def _entry(cell: Cell, column: str, heading: bool) -> str:
-    """A cell as HTML; on a phone, where a row becomes a block, a number is labelled by the heading of its column."""
+    """Return a cell as HTML. On a phone, where a row becomes a block, the heading of its column labels a number."""
     tag, scope = ("th", ' scope="row"') if heading else ("td", "")
     span = f' colspan="{cell.span}"' if cell.span > 1 else ""
     label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
@@ -140,7 +140,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 
 def verdict(row: Row) -> Cell:
-    """Make a cell of a verdict, and of its basis where that is not the paper's problem."""
+    """Make a cell of a verdict, with its basis if that is not the paper's problem."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, row.basis)
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:
@@ -149,13 +149,13 @@ def verdict(row: Row) -> Cell:
 
 
 def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
-    """Make a cell of a claim and its place; it unfolds to the note. A terminal shows the id, an anchor links to it."""
+    """Make a cell of a claim and its place that unfolds to the note. A terminal shows the id, an anchor links to it."""
     text = row.printed if row.is_statement else row.quantity
-    anchor = row.id.replace(".", "-")  # a dot would mean something else to a script
+    anchor = row.id.replace(".", "-")  # A dot has another meaning in a selector.
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
         said = "".join(f"<p>{markup(one)}</p>" for one in (row.note, *row.made.split(" | ")) if one)
-        if anchored:  # what to copy
+        if anchored:  # the id to copy
             cite = f"To cite: row {escape(row.id)} of the account of pidalab"
             said += f'<p class="row-cite">{cite}, <a href="#{anchor}">with this address</a></p>'
         html = f"<details><summary>{html}</summary>{said}</details>"
@@ -165,7 +165,7 @@ def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
 
 
 def evidence(row: Row, span: int = 1) -> Cell:
-    """Make a cell of what decides a statement."""
+    """Make a cell of the evidence of a statement."""
     if not row.evidence:
         return Cell("", "—", "evidence text", span)
     kept, relation = Evidence.parse(row.evidence), Relation.parse(row.relation)
@@ -177,9 +177,9 @@ def evidence(row: Row, span: int = 1) -> Cell:
 
 
 def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Display:
-    """Show rows of a ledger: a number in units of the last printed place off its print, a statement by its evidence.
+    """Show rows: the difference of a number in units of its last printed place, the evidence of a statement.
 
-    With `why` the notes stand in a column of their own and the verdicts are left out; else a claim unfolds to its note.
+    With `why` a column of notes replaces the verdicts. Otherwise a claim unfolds to its note.
     """
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
@@ -199,7 +199,7 @@ def _numbers(row: Row) -> list[Cell]:
 
 
 def score(rows: Iterable[Row]) -> dict[str, int]:
-    """Count rows by the keys of `KINDS`; ``open`` are rows without a verdict."""
+    """Count rows by the keys of `KINDS`. Rows without a verdict are ``open``."""
     return {**dict.fromkeys(KINDS, 0), **Counter(map(_kind, rows))}
 
 
@@ -224,7 +224,7 @@ def score_line(name: str, counts: Mapping[str, int]) -> str:
 
 
 def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Display:
-    """Show a score as a bar, perhaps with a legend; a screen reader reads `score_line`."""
+    """Show a score as a bar, optionally with a legend. A screen reader reads `score_line`."""
     line, shown = score_line(name, counts), {kind: count for kind, count in counts.items() if count}
     total = sum(counts.values())
     parts = "".join(
@@ -238,7 +238,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# where the word of the verdict would mislead, and the first words that change for several rows
+# Words that replace a verdict where it would mislead, and the plural of first words.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "does not hold as read"}
 PLURALS = {"misprint": "misprints", "does": "do", "differs": "differ", "holds": "hold", "fails": "fail"}
 
@@ -268,7 +268,7 @@ def outcome(rows: Sequence[Row]) -> str:
 
 
 def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]]) -> Display:
-    """Show each printed item, the heading under which its rows are computed, and what came out."""
+    """Show each printed item, the heading under which its rows are computed, and the result."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in sorted(rows, key=lambda row: row.is_statement):
         key = ("statements", row.page) if row.is_statement else (row.where, "")
@@ -289,7 +289,7 @@ def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]])
 
 
 def _names(heading: str, item: str) -> bool:
-    """Return True if a heading names a printed item: its table, its equation or the section that it is in."""
+    """Return True if a heading names a printed item: its table, its equation or its section."""
     last = item.rpartition(", ")[2]
     kind, _, number = last.partition(" ")
     if kind in ("eq.", "eqs"):

@@ -1,4 +1,4 @@
-"""Show and freeze all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, the manifest."""
+"""Output of all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, the manifest."""
 
 import re
 from collections.abc import Sequence
@@ -20,9 +20,9 @@ def _title(book: Ledger) -> str:
 
 
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
-    """Return the score of all papers and of each, and the lines of their table: kind or nothing, words, counts.
+    """Return the score of all papers and of each, and the lines of their table (kind or None, words, counts).
 
-    A line without a kind is the sum of the lines that follow. The total comes first, so that a narrow screen shows it.
+    A line without a kind is the sum of the following lines. The total is first, so that a narrow screen shows it.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}
@@ -39,7 +39,7 @@ def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[
 
 
 def scoreboard(folder: Path | str | None = None) -> Display:
-    """Show the claims of all papers by what they rest on and by verdict, with a bar for each paper.
+    """Show the claims of all papers by basis and verdict, with a bar for each paper.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def scoreboard(folder: Path | str | None = None) -> Display:
 
 
 def every_row(folder: Path | str | None = None) -> Display:
-    """Show every row of every ledger, each with an anchor, folded by paper, and the way to chapter and evidence.
+    """Show every row of every ledger with an anchor, folded by paper, with links to chapter and audit.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def every_row(folder: Path | str | None = None) -> Display:
     Returns
     -------
     Display
-        A terminal gets the scores; `Ledger.table` has the rows.
+        The rows. A terminal shows the scores.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def errata(verdict: str, folder: Path | str | None = None) -> Display:
 
 
 def score_markdown(folder: Path | str | None = None) -> str:
-    """Return the score as a Markdown table between two comments, which `write_score` finds again.
+    """Return the score as a Markdown table between the two comments for `write_score`.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def score_markdown(folder: Path | str | None = None) -> str:
 
 
 def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
-    r"""Bring the score in a Markdown file up to date.
+    r"""Update the score in a Markdown file.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
     Returns
     -------
     bool
-        Whether the file changed.
+        True if the file changed.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
 
 
 def claims(folder: Path | str | None = None) -> str:
-    """Return the text of the manifest: of each row of a folder the entries that only a review may change."""
+    """Return the text of the manifest, the reviewed entries of each row of a folder."""
     return table(FROZEN, [_frozen(row) for book in load_all(folder).values() for row in book.rows.values()])
 
 
@@ -234,12 +234,12 @@ def _frozen(row: Row) -> Sequence[str]:
 
 
 def freeze(folder: Path | str | None = None) -> list[str]:
-    """Write the manifest, and return the lines that changed, the old ones marked with - and the new ones with +.
+    """Write the manifest, and return the changed lines, old ones marked with - and new ones with +.
 
     Raises
     ------
     LedgerError
-        If an id is gone and ``removed.csv`` does not say why; nothing is written then.
+        If an id is missing and ``removed.csv`` does not say why. Nothing is written in this case.
     """
     place = find_folder(folder)
     file, text, reasons = place / MANIFEST, claims(place), removed(place)

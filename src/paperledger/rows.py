@@ -16,10 +16,10 @@ from paperledger import verdicts
 from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerError, Relation
 
 FOLDER = Path("book", "ledger")
-MANIFEST = "manifest.csv"  # the frozen list of claims, beside the ledgers
-REMOVED = "removed.csv"  # ids that are never used again, and why
-IDENTITY = 1e-9  # largest relative residual of two formulas that are called the same, without a note
-ROUGHEST = 1e-6  # and with one
+MANIFEST = "manifest.csv"  # the reviewed list of claims, in the folder of the ledgers
+REMOVED = "removed.csv"  # ids that must not be used again, with reasons
+IDENTITY = 1e-9  # largest relative residual of two equal formulas, without a note
+ROUGHEST = 1e-6  # the same with a note
 WORDS = 5  # fewest words of a note that carries a verdict
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 _MADE = re.compile(
@@ -37,7 +37,7 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``: whether settings were fitted, and why the value does not move with the library.
+    """Read the column ``made``. Return True if settings were fitted, and the reason why the value does not move.
 
     The reason is ``page`` (a formula of the page made it), ``count`` (a whole number, or a place on a grid that a small
     change does not reach), or empty.
@@ -64,23 +64,23 @@ class Row:
     where : str
         Where the paper prints it.
     quantity : str
-        What it is, with its unit.
+        Quantity with its unit.
     printed : str
         The printed number, digit for digit; for a statement, a short paraphrase.
     computed : str, optional
-        The computed number, or ``holds`` or ``fails``. Empty when settled by reading, or not yet computed.
+        The computed number, or ``holds`` or ``fails``. Empty if settled by reading, or not yet computed.
     verdict : str, optional
-        One of `VERDICTS`, or empty while nobody has judged.
+        One of `VERDICTS`, or empty if undecided.
     basis : str, optional
         One of `BASES`.
     page : str, optional
-        The notebook that hands the row over, its path below ``book`` without suffix; empty when settled by reading.
+        The notebook that passes the row, as a path below ``book`` without suffix. Empty if settled by reading.
     made : str, optional
-        Which settings were fitted to which prints, and why the value stays when the library is slightly off.
+        Settings that were fitted to prints, and the reason why the value does not change with a slightly wrong library.
     relation : str, optional
-        What a statement asks for; see `Relation`.
+        Relation that a statement asserts (see `Relation`).
     evidence : str, optional
-        The inequality of two computed numbers that decides a statement; see `Evidence`.
+        The inequality of two computed numbers that decides a statement (see `Evidence`).
     note : str, optional
         Reasons, proofs, tolerances: plain text by a person, without numbers that could drift.
 
@@ -108,7 +108,7 @@ class Row:
 
     @property
     def is_statement(self) -> bool:
-        """True if the paper prints words, not a number. The quantity is then called ``statement``."""
+        """True if the paper prints words, not a number. The quantity is then ``statement``."""
         return self.quantity == "statement"
 
     @property
@@ -123,7 +123,7 @@ class Row:
 
     @property
     def half_unit(self) -> float:
-        """Half a unit of the last printed place: how far the number may lie from its print.
+        """Half a unit of the last printed place, the largest distance of the number from its print.
 
         Raises
         ------
@@ -144,7 +144,7 @@ class Row:
         Returns
         -------
         str or None
-            For a statement what its evidence gives, for a number see `derive`.
+            For a statement the verdict of its evidence, for a number that of `derive`.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class Row:
             return verdicts.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
-        """Return computed minus printed in units of the last printed place, None where there is no number.
+        """Return computed minus printed in units of the last printed place, None without numbers.
 
         Returns
         -------
@@ -192,7 +192,7 @@ class Row:
         return verdicts.show(self.printed, self.computed) if self.is_number else self.computed
 
     def with_number(self, value: object, digits: int = verdicts.DIGITS) -> "Row":
-        """Return the row with a number that a run computed, written with so many significant digits.
+        """Return the row with a computed number, written with a number of significant digits.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class Row:
             return replace(self, computed=verdicts.write(number, floor, digits))
 
     def same(self, fresh: "Row") -> bool:
-        """Tell whether a fresh row says what this one says, to one unit in its last stored place.
+        """Return True if a new row equals this one, to one unit in the last stored place.
 
         Parameters
         ----------
@@ -247,11 +247,11 @@ class Row:
             return verdicts.agrees(fresh.computed, self.computed)
         old, new = Evidence.parse(self.evidence), Evidence.parse(fresh.evidence)
         if Relation.parse(self.relation).is_identity and old.verdict == new.verdict == "holds":
-            return old.right == new.right  # the size of a rounding error depends on the machine
+            return old.right == new.right  # The size of a rounding error depends on the machine.
         return verdicts.same_text(self.evidence, fresh.evidence)
 
     def disagreement(self) -> str | None:
-        """Say why the verdict does not follow from the entries, None if it does.
+        """Return why the verdict does not follow from the entries, None if it does.
 
         Returns
         -------
@@ -277,7 +277,7 @@ class Row:
         return f"{self.id}: file says {self.verdict or 'nothing'}, {gives}{advice}"
 
     def problems(self) -> list[str]:
-        """List what is wrong with the row taken alone, one line each.
+        """List the errors of the row by itself, one line each.
 
         Returns
         -------
@@ -298,7 +298,7 @@ class Row:
         return [*found, disagreement] if disagreement else found
 
     def _malformed(self) -> Iterator[str]:
-        """List entries that are missing, malformed or not allowed; raise at one that cannot be read."""
+        """List entries that are missing, malformed or not allowed. Raise if an entry cannot be read."""
         reading, statement = self.basis == "reading", ("relation", "evidence")
         computing = ("computed", "page", *(statement if self.is_statement else ()))
         needed = ("where", "quantity", "printed", *(() if reading else computing))
@@ -336,7 +336,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def find_folder(folder: Path | str | None = None) -> Path:
-    """Return a folder of ledgers; by default search for ``book/ledger`` in the current directory and above it."""
+    """Return a folder of ledgers. By default search for ``book/ledger`` in the current directory and above it."""
     if folder is not None:
         return Path(folder)
     here = Path.cwd()
@@ -371,7 +371,7 @@ def papers(folder: Path) -> list[str]:
 
 
 def book_title(paper: str, book: Path) -> str:
-    """Return the title of a paper from the references of a book; empty if they do not have it."""
+    """Return the title of a paper from the references of a book, or an empty text."""
     path = book / "references.bib"
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
     found = re.search(rf"@\w+\{{{paper},.*?\btitle\s*=\s*\{{(.*?)\}},?\n", text, re.DOTALL)
@@ -379,7 +379,7 @@ def book_title(paper: str, book: Path) -> str:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Read a csv file that has these columns, one row a line, of printable characters."""
+    """Read a csv file with these columns, with one line of printable characters for each row."""
     with path.open(encoding="utf-8", newline="") as file:
         try:
             header, *lines = [*csv.reader(file, strict=True)] or [[]]
@@ -396,7 +396,7 @@ def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
 
 
 def removed(folder: Path) -> dict[str, str]:
-    """Return the ids of a folder that are never used again, and why."""
+    """Return the ids of a folder that must not be used again, with reasons."""
     path = folder / REMOVED
     lines = read_table(path, ("id", "reason")) if path.is_file() else []
     if bare := [id for id, reason in lines if not reason.strip()]:
@@ -405,7 +405,7 @@ def removed(folder: Path) -> dict[str, str]:
 
 
 def table(columns: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """Write a csv file as text: quotes only where needed, one line feed after each line."""
+    """Return a csv table as text, with quotes only where needed and a line feed after each line."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *lines])
     return text.getvalue()
@@ -427,7 +427,7 @@ def read_rows(path: Path) -> list[Row]:
     Raises
     ------
     LedgerError
-        If the columns are others than those of `Row`, a line is incomplete or an id occurs twice.
+        If the columns are not those of `Row`, a line is incomplete or an id occurs twice.
 
     Examples
     --------
@@ -452,7 +452,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
     path : pathlib.Path
         The csv file.
     rows : sequence of Row
-        In the order to keep.
+        Rows in the order of the file.
 
     Examples
     --------
@@ -467,7 +467,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 
 
 def write_text(path: Path, text: str) -> bool:
-    """Write a file in UTF-8, completely or not at all; return False if it has this text already."""
+    """Write a file in UTF-8, completely or not at all. Return False if it has this text already."""
     if path.is_file() and path.read_bytes() == text.encode():
         return False
     beside = path.with_name(f".{path.name}.{os.getpid()}")

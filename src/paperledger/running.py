@@ -1,4 +1,4 @@
-"""Run the pages of a paper, store what they hand over, and start a new paper."""
+"""Run the pages of a paper, store their results, and start a new paper."""
 
 import ast
 import contextlib
@@ -19,7 +19,7 @@ from paperledger.verdicts import DECLARED, LedgerError
 
 
 def pages(paper: str, folder: Path) -> list[Path]:
-    """Find the notebooks beside a folder of ledgers that open the ledger of a paper, chapters before audits."""
+    """Find the notebooks of a book that open the ledger of a paper, chapters before audits."""
     opened = re.compile(rf"Ledger\.open\(\s*['\"]{re.escape(paper)}['\"]")
     notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     found = [path for path in notebooks if opened.search("\n".join(cells(path)))]
@@ -27,17 +27,17 @@ def pages(paper: str, folder: Path) -> list[Path]:
 
 
 def cells(path: Path) -> list[str]:
-    """Read the code cells of a notebook, magics left out."""
+    """Read the code cells of a notebook, without magics."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
     code = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
     return [re.sub(r"(?m)^(%(?!%)|!).*$", "", source) for source in code]
 
 
 def execute(path: Path) -> Iterator[str]:
-    """Run the code cells of a notebook in its folder, one after the other; yields what each prints and returns.
+    """Run the code cells of a notebook in its folder, and yield the output and the result of each.
 
-    In this process, not in a kernel as nbclient would: it takes what a page hands over as objects, keeps the type of an
-    error, and runs with a library that was changed while it was imported. So a ledger needs no Jupyter.
+    They run in this process, not in a kernel as with nbclient. So pages pass objects, errors keep their types, a
+    library may be changed after its import, and a ledger does not need Jupyter.
     """
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
@@ -57,14 +57,14 @@ def execute(path: Path) -> Iterator[str]:
 
 
 class Update(NamedTuple):
-    """The result of an update.
+    """Result of an update.
 
     Parameters
     ----------
     changes : list of str
         One line for each entry that changed, old and new.
     problems : list of str
-        What is left for a person: verdicts to declare, ids never handed over.
+        What a person has to do: verdicts to declare, ids that no page passed.
 
     Examples
     --------
@@ -77,18 +77,18 @@ class Update(NamedTuple):
 
 
 def update(paper: str, folder: Path | str | None = None) -> Update:
-    """Run the pages of a paper and store what they hand over, with the verdicts that follow.
+    """Run the pages of a paper and store their results, with the verdicts that follow.
 
-    What still agrees stays as it is, so that a second run on another machine changes nothing; so does everything that a
-    person wrote: order, basis, relations, notes and declared verdicts. A row whose numbers disagree without a declared
-    reason is left without a verdict.
+    Values that still agree are kept, so that a second run on another machine changes nothing. Everything that a person
+    wrote is kept, too: order, basis, relations, notes and declared verdicts. A row whose numbers disagree without a
+    declared reason gets no verdict.
 
     Parameters
     ----------
     paper : str
         Key of the paper.
     folder : path, optional
-        Folder of the csv files, beside which the notebooks lie; by default as in `Ledger.open`.
+        Folder of the csv files, in the folder of the notebooks. By default as in `Ledger.open`.
 
     Returns
     -------
@@ -97,8 +97,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     Raises
     ------
     LedgerError
-        If no page opens the ledger, an id is unknown, or what is handed over does not fit its row. Nothing is stored
-        then.
+        If no page opens the ledger, an id is unknown, or a value does not fit its row. Nothing is stored in this case.
 
     Examples
     --------
@@ -126,7 +125,8 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    for book in sorted(books, key=lambda book: not book.closed):  # the first that closes it owes a row
+    # A page that closes its ledger reports missing rows first.
+    for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)
     new = {id: _updated(row, fresh[id]) if id in fresh else row for id, row in book.rows.items()}
@@ -144,7 +144,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
 
 
 def _updated(row: Row, fresh: Row) -> Row:
-    """Return the row with what is new in a fresh one, and the verdict that follows."""
+    """Return the row with the changes of a new one, and the verdict that follows."""
     with naming(row.id):
         new = replace(row, page=fresh.page) if row.same(fresh) else fresh
         return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")
@@ -154,7 +154,7 @@ def _updated(row: Row, fresh: Row) -> Row:
 
 
 def new(paper: str, folder: Path) -> list[Path]:
-    """Write the ledger, the chapter and the audit of a new paper, empty but for what each must have.
+    """Write the ledger, the chapter and the audit of a new paper, with only the necessary content.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _notebook(title: str, *sources: str) -> str:
 
 
 def missing(paper: str, folder: Path) -> list[str]:
-    """List the places of a book that do not name a paper, as far as the book has such files."""
+    """List the places of a book, in files that exist, that do not name a paper."""
     book = folder.parent
     places = {
         book / "references.bib": f"{{{paper},",
@@ -208,5 +208,5 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Return small letters alone: files spell capitals, dashes and indices differently."""
+    """Return only the letters, in lower case, since files write capitals, dashes and indices differently."""
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

@@ -1,25 +1,26 @@
-"""Change every number that a library returns by a few parts in 100,000, and see which rows of a ledger change.
+"""Change every number that a library returns by a few parts in 100,000, and check which rows of a ledger change.
 
-A page that takes a number from a paper or from a ledger still has the same number then. A page that takes it from the
-library has another one. A row that does not change was copied, or its column ``made`` says why.
+A number that a page takes from a paper or from a ledger stays the same. A number that it takes from the library
+changes. A row that does not change was copied, or its column ``made`` says why.
 
 Notes
 -----
-State: `Shaker` counts in ``_inside`` how many calls into the package are open. Its doors replace every public function,
-method and property of the package, wherever a module of the package holds it; they wrap the originals, whose code
-stays.
+State: `Shaker` counts in ``_inside`` how many calls into the package are active. Wrappers replace every public
+function, method and property of the package, in every module of the package that holds it. They call the unchanged
+originals.
 
-Invariant: a door changes its result only where it opens the outermost call (``_inside`` is 0 before it and after it).
-Everything within is exact: searches converge, and a number is changed once, not once for each function that it passes.
-Constructors and operators are walls: exact themselves, and inside them every door is.
+Invariant: a wrapper changes its result only if it is the outermost call (``_inside`` is 0 before and after it).
+Everything inside is exact. So searches converge, and a number is changed once, not by each function that returns it.
+Constructors and operators are kept exact, and so is every call inside them.
 
-The change of a number x is a relative one, ``SIZE * (4 + 2 sin(phase + log|x|))``, where the phase depends on the door.
-It is deterministic, between 2 and 6 times ``SIZE``, and not a common factor: quotients of two results change as well.
-Whole numbers, 0 and infinities stay.
+The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. It is
+deterministic, between 2 and 6 times ``SIZE``, and not a common factor, so quotients of two results change as well.
+Whole numbers, 0 and infinities do not change.
 
-Prints are changed in the same way, by a thousand times less, when a page reads them as numbers. So the size of a change
-shows where a number comes from: none (copied), as prints change (from print), or as the library does (computed). Pages
-with rows that are called computed also run with changed prints and an exact library; these rows must not change then.
+Prints are changed in the same way, a thousand times less, when a page reads them as numbers. So the size of a change
+shows the origin of a number: no change (copied), a change as of prints (from print), or as of the library (computed).
+Pages with rows of the basis *computed* also run with changed prints and an exact library. These rows must not change in
+that run.
 """
 
 import os
@@ -46,33 +47,33 @@ from paperledger.rows import Row, find_folder, making, papers
 from paperledger.running import execute, pages
 from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, exponent, read_number, write
 
-SIZE = 1e-5  # a number is off by two to six times this
-PRINTS = 1e-3  # what a page reads in print is off by so much less
-COPIED = 1e-9  # relative: less is the rounding of a stored number
-PRINTED = 1e-6  # prints move a row by 4e-8, perhaps a few times that; the library by 2e-6 at least
+SIZE = 1e-5  # a number changes by two to six times this
+PRINTS = 1e-3  # ratio of the changes of prints and of the library
+COPIED = 1e-9  # a smaller relative change is the rounding of a stored number
+PRINTED = 1e-6  # prints change a row by about 4e-8 or a few times that, the library by at least 2e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
 Runs = Mapping[str, "Run"]  # by page
-Handed = dict[str, tuple[Row, int]]  # by id: the row, and the cell that handed it over
+Handed = dict[str, tuple[Row, int]]  # by id: the row, and the number of the cell that passed it
 
 
 @dataclass
 class Shaker:
-    """A package to shake, and what to leave exact.
+    """Package whose results are changed, with exceptions.
 
     Parameters
     ----------
     package : str
-        Name of the package whose public functions, methods and properties are the doors.
+        Name of the package whose public functions, methods and properties are wrapped.
     exact : frozenset of str, optional
-        Functions that only put together what they are given, such as ``demo.plant.make_plant``: off by nothing.
+        Functions that stay exact because they only assemble their arguments, such as ``demo.plant.make_plant``.
     fields : frozenset of str, optional
-        Fields of objects that stay, such as times.
+        Fields of objects that do not change, such as times.
     whole : dict of str to function, optional
-        By the name of a class of the package, how to shake an object of it as a whole: a function of the object and of
-        `off`. By default all of its fields are shaken, each by itself.
+        Functions that change an object of a class as a whole, by the name of the class. They take the object and `off`.
+        By default each field is changed separately.
     only_prints : bool, optional
-        Leave the library exact, and shake what pages read in print: what is called computed has to stay.
+        Leave the library exact, and change only the prints that pages read.
 
     Examples
     --------
@@ -93,19 +94,19 @@ class Shaker:
     # ------------------------------------------------------------------------------------------------ numbers
 
     def off(self, value: Any, key: str) -> Any:
-        """Return a result slightly off; a number that is whole, 0 or infinite stays.
+        """Return a slightly changed result. Whole numbers, 0 and infinities do not change.
 
         Parameters
         ----------
         value : any
             A number, an array, a container of these, or an object of the package.
         key : str
-            The door it leaves by.
+            Name of the function that returns it.
 
         Returns
         -------
         any
-            Of the same kind; what was given stays unchanged.
+            A changed copy of the same type.
         """
         return self._walk(value, key, {})
 
@@ -121,7 +122,7 @@ class Shaker:
         if id(value) in seen:
             return seen[id(value)][0]
         found = self._compound(value, key, seen)
-        seen[id(value)] = found, value  # kept, so that nothing else gets its number while this goes on
+        seen[id(value)] = found, value  # the reference keeps the id from being reused
         return found
 
     def _compound(self, value: Any, key: str, seen: dict[int, Any]) -> Any:
@@ -132,11 +133,11 @@ class Shaker:
         if isinstance(value, tuple | list | set | frozenset):
             parts = [self._walk(one, key, seen) for one in value]
             return type(value)(*parts) if hasattr(value, "_fields") else type(value)(parts)
-        if hasattr(value, "to_numpy") and hasattr(value, "iloc"):  # of pandas
+        if hasattr(value, "to_numpy") and hasattr(value, "iloc"):  # pandas
             numeric = value.map if hasattr(value, "map") else value.applymap
             return numeric(lambda one: self._walk(one, key, seen))
         if isinstance(value, FunctionType):
-            return self.door(value)
+            return self.perturbed(value)
         if hasattr(value, "__wrapped__"):  # a compiled function
             return value
         if isgenerator(value):
@@ -166,7 +167,7 @@ class Shaker:
         seen[id(value)] = found, value
         for name, one in value.__dict__.items():
             if isinstance(getattr(type(value), name, None), property):
-                continue  # a cached value, to be found anew
+                continue  # a cached value, to be computed again
             kept = name in self.fields
             found.__dict__[name] = one if kept else self._walk(one, f"{key}.{name}", seen)
         return found
@@ -176,14 +177,14 @@ class Shaker:
         phase = crc32(key.encode()) % 6283 / 1000
         return SIZE * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 
-    # ------------------------------------------------------------------------------------------------ doors
+    # ------------------------------------------------------------------------------------------------ wrappers
 
-    def door(
+    def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Return a function whose result is changed if it is the outermost call; `call` may do the work for it."""
+        """Return a function whose result is changed if it is the outermost call. `call` may replace the function."""
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
-        exact = self.wall(work)
+        exact = self.kept_exact(work)
 
         @wraps(function)
         def through(*args: Any, **options: Any) -> Any:
@@ -194,8 +195,8 @@ class Shaker:
 
         return through
 
-    def wall(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function that is exact, and so are all calls within it: a constructor, an operator."""
+    def kept_exact(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function, such as a constructor or an operator, that is exact, as are all calls inside it."""
 
         @wraps(function)
         def within(*args: Any, **options: Any) -> Any:
@@ -207,39 +208,39 @@ class Shaker:
 
         return within
 
-    def put_doors(self) -> None:
-        """Import the whole package, and put a door or a wall wherever a page can enter it."""
+    def wrap_package(self) -> None:
+        """Import the whole package, and wrap everything that a page can call."""
         package = import_module(self.package)
         for found in walk_packages(getattr(package, "__path__", ()), f"{self.package}."):
             if not found.name.endswith(".__main__"):
                 import_module(found.name)
-        doors: dict[int, Any] = {}  # by the original, which several modules may hold
+        wrapped: dict[int, Any] = {}  # by the id of the original, which several modules may hold
         for module in [m for name, m in sys.modules.items() if name.partition(".")[0] == self.package]:
             for name, value in [*vars(module).items()]:
                 home = getattr(value, "__module__", None) or ""
                 if home.partition(".")[0] != self.package or "._" in home or name.startswith("_"):
                     continue
-                if isinstance(value, type) and id(value) not in doors:
-                    doors[id(value)] = value
-                    self._put_doors_on(value)
+                if isinstance(value, type) and id(value) not in wrapped:
+                    wrapped[id(value)] = value
+                    self._wrap_class(value)
                 elif isinstance(value, FunctionType) or hasattr(value, "cache_info"):
-                    setattr(module, name, doors.setdefault(id(value), self.door(value)))
+                    setattr(module, name, wrapped.setdefault(id(value), self.perturbed(value)))
 
-    def _put_doors_on(self, kind: type) -> None:
-        """Put doors on the public methods and properties of a class, and walls on its constructor and operators."""
+    def _wrap_class(self, kind: type) -> None:
+        """Wrap the public methods and properties of a class, and keep its constructor and operators exact."""
         for name, value in [*vars(kind).items()]:
             new: Any = None
             if name.startswith("_") and name != "__call__":
                 written = isinstance(value, FunctionType) and value.__code__.co_filename != "<string>"
-                new = self.wall(value) if name.startswith("__") and written else None
+                new = self.kept_exact(value) if name.startswith("__") and written else None
             elif isinstance(value, FunctionType):
-                new = self.door(value)
+                new = self.perturbed(value)
             elif isinstance(value, classmethod | staticmethod):
-                new = type(value)(self.door(value.__func__))
+                new = type(value)(self.perturbed(value.__func__))
             elif isinstance(value, property) and value.fget:
-                new = property(self.door(value.fget), value.fset, value.fdel, value.__doc__)
+                new = property(self.perturbed(value.fget), value.fset, value.fdel, value.__doc__)
             elif isinstance(value, cached_property):
-                new = property(self.door(value.func, value.__get__))  # the object stores the exact value
+                new = property(self.perturbed(value.func, value.__get__))  # the object stores the exact value
             if new is not None:
                 setattr(kind, name, new)
 
@@ -249,16 +250,16 @@ class Shaker:
 
 @dataclass(frozen=True)
 class Run:
-    """The rows that one page handed over.
+    """Rows that one page passed.
 
     Parameters
     ----------
     page : str
         Its path below the book, without suffix.
     handed : dict of str to tuple
-        By id the row with what was handed over, and the number of the cell.
+        By id the row with the passed value, and the number of the cell.
     wrong : tuple of str
-        What stopped it, or what it did to the ledger; often nothing.
+        Errors that stopped the page, or changes that it made to the ledger.
 
     Examples
     --------
@@ -272,7 +273,7 @@ class Run:
 
 
 class _Print(str):
-    """A printed number: exact as text, slightly off as a number."""
+    """Printed number that is exact as text and slightly changed as a number."""
 
     shaken: float
 
@@ -281,7 +282,7 @@ class _Print(str):
 
 
 def _shaken_print(row: Row, shaker: Shaker) -> str:
-    """Return the print of a row as a page reads it, off by an amount that differs from row to row."""
+    """Return the print of a row as a page reads it, with a change that differs from row to row."""
     try:
         exact = float(read_number(row.printed))
     except LedgerError:  # a statement, or a file that `check` refuses
@@ -296,7 +297,7 @@ def _name(path: Path, book: Path) -> str:
 
 
 def run(path: Path, book: Path, shaker: Shaker) -> Run:
-    """Run one page of a book, with prints off; the library is what was imported."""
+    """Run one page of a book with changed prints and the imported library."""
     name = _name(path, book)
     handed: Handed = {}
     number, wrong = 0, []
@@ -316,7 +317,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
 
 
 def distance(old: Row, new: Row) -> float:
-    """Return the relative change of a row; for a statement that of the side that changed more.
+    """Return the relative change of a row, for a statement that of the side that changed more.
 
     >>> one = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
@@ -324,7 +325,7 @@ def distance(old: Row, new: Row) -> float:
     """
     identity = old.is_statement and Relation.parse(old.relation).is_identity
     if identity and Evidence.parse(new.evidence).verdict == "holds" and float(_numbers(new)[0]) <= PRINTED:
-        return 0.0  # of a residual that is rounding only the decade is kept
+        return 0.0  # Only the decade of a residual due to rounding is stored.
     return max(map(_apart, _numbers(old), _numbers(new)))
 
 
@@ -352,7 +353,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if a row was handed its own print, as the page could read it."""
+    """Return True if a row got its own print, as the page could read it."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -366,16 +367,16 @@ def _starts_clean(row: Row) -> bool:
 
 
 def judge(row: Row, new: Row, shaker: Shaker) -> str:
-    """Return what is wrong with a row that was handed over under a shaken library; empty if nothing is.
+    """Return what is wrong with a row from a run with a changed library, empty if nothing is.
 
     Parameters
     ----------
     row : Row
         As it is stored.
     new : Row
-        As it was handed over while library and prints were off, or prints alone.
+        Row of the run with changed library and prints, or changed prints only.
     shaker : Shaker
-        It knows by how much each print was off.
+        Shaker of that run.
 
     Returns
     -------
@@ -400,10 +401,10 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
         return f"moves by {far:.1e} as prints alone are off: its basis is from-print or fitted"
     if _own_print(row, new, shaker):
         return "hands back its own print"
-    # prints move each by another part, which may nearly cancel; then only the very same number is a copy
+    # Prints change each by a different share. The changes may nearly cancel, so only an equal number is a copy.
     if far < (COPIED if row.basis != "from-print" else 1e-12):
         return "" if stays else f"stays at {found}"
-    if stays == "count" and _rounded(row, new):  # it went to the next place of its grid
+    if stays == "count" and _rounded(row, new):  # it moved to the next place of its grid
         return ""
     if stays:
         return f"moves by {far:.1e}, so 'made' needs no {stays!r}"
@@ -415,7 +416,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
 
 
 def judged(row: Row, runs: Runs, shaker: Shaker) -> str:
-    """Return what is wrong with a row, and where; empty if nothing is."""
+    """Return what is wrong with a row, and where, empty if nothing is."""
     if row.page not in runs or row.id not in runs[row.page].handed:
         return f"{row.id}: never handed over"
     new, cell = runs[row.page].handed[row.id]
@@ -424,16 +425,16 @@ def judged(row: Row, runs: Runs, shaker: Shaker) -> str:
 
 
 def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list[str]:
-    """Judge rows by what their pages handed over; the first line counts, each other line is a row that is refused.
+    """Judge rows by the runs of their pages. The first line has the counts, each other line a row that is refused.
 
     Parameters
     ----------
     rows : sequence of Row
-        The rows that some page has to hand over.
+        The rows that a page has to pass.
     shaker : Shaker
-        What was shaken.
+        Shaker of the runs.
     runs, exact : mapping of str to Run
-        The pages by name, run with library and prints off, and with an exact library and prints off.
+        Runs by page, with changed library and prints, and with exact library and changed prints.
 
     Returns
     -------
@@ -460,7 +461,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
 
 
 def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]:
-    """Run each page in a forked process, which inherits the imports, a few at a time; return the runs by page."""
+    """Run each page in a forked process, which inherits the imports, a few at a time. Return the runs by page."""
     fork, waiting = get_context("fork"), [*paths]
     running: dict[Any, tuple[str, Any]] = {}
     found: dict[str, Run] = {}
@@ -489,31 +490,31 @@ def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]
 def shake(
     shaker: Shaker, folder: Path | str | None, keys: Sequence[str], prepare: Callable[[], None] | None = None
 ) -> int:
-    """Run all pages of some papers with a library that is off, print what moves; 0 if nothing is refused.
+    """Run all pages of some papers with a changed library, and print which rows move.
 
-    Before that, pages with a number that is called computed run with an exact library and prints alone off: such a
-    number stays then.
+    Before that, pages with rows of the basis *computed* run with an exact library and changed prints. These rows must
+    not move.
 
     Parameters
     ----------
     shaker : Shaker
-        What to shake. Its package stays shaken in this process.
+        Package and exceptions. The package stays changed in this process.
     folder : path, optional
         Folder of the csv files; by default as in `Ledger.open`.
     keys : sequence of str
-        Papers; none for all.
+        Keys of papers, empty for all.
     prepare : callable, optional
-        What all pages need once, such as compiled code.
+        Called once before the pages run, for example to compile code.
 
     Returns
     -------
     int
-        0, or 1 where a row or a page is refused.
+        0, or 1 if a row or a page is refused.
 
     Raises
     ------
     LedgerError
-        Where processes cannot be forked, as on Windows.
+        On a system that cannot fork processes, such as Windows.
     """
     if not hasattr(os, "fork"):
         raise LedgerError("to shake a library takes a system that can fork, such as Linux")
@@ -521,7 +522,7 @@ def shake(
     book, chosen = place.parent, [*keys] or papers(place)
     all_rows = {paper: Ledger.open(paper, folder=place).rows.values() for paper in chosen}
     rows = {paper: [row for row in some if row.basis != "reading"] for paper, some in all_rows.items()}
-    # the long ones first, so that none is left for the end
+    # Long pages start first, so that none runs alone at the end.
     paths = sorted({p for paper in chosen for p in pages(paper, place)}, key=lambda p: -p.stat().st_size)
     clean = {row.page for some in rows.values() for row in some if _starts_clean(row)}
     os.environ["MPLBACKEND"] = "Agg"
@@ -530,7 +531,7 @@ def shake(
         prepare()
     first = [path for path in paths if _name(path, book) in clean]
     exact = run_all(first, book, replace(shaker, only_prints=True))
-    shaker.put_doors()
+    shaker.wrap_package()
     runs = run_all(paths, book, shaker)
     wrong = [*dict.fromkeys(line for one in (*exact.values(), *runs.values()) for line in one.wrong)]
     print(*(f"{line}\n" for line in wrong), sep="", end="")

@@ -1,6 +1,7 @@
-"""The verdicts that follow from numbers: of a printed number, and of a statement.
+"""Verdicts that follow from numbers, for printed numbers and for statements.
 
-Printed digits are compared as decimals: ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper, but not in binary.
+Printed digits are compared as decimals, since ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper, but not in
+binary.
 
 A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. Its row stores the inequality that
 decides it: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
@@ -22,22 +23,22 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a share of the print
 LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number and its power of ten; every double fits
-DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person decides these; all others follow
+DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
-# a declared disagreement must give none of these
+# The numbers of a declared disagreement must not give one of these.
 AGREEING = ("reproduced", "approximate", "holds", "holds-in-part")
 BASES = ("computed", "fitted", "from-print", "reading")
 
-_SLACK = Decimal("1e-9")  # relative; absorbs the rounding of floating-point arithmetic, nothing more
+_SLACK = Decimal("1e-9")  # relative tolerance for the rounding of floating-point arithmetic
 _NUMBER = r"(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][+-]?\d+)?"
 _SIGNED = re.compile(rf"[+-]?{_NUMBER}", re.ASCII)
 _INNER = re.compile(_NUMBER, re.ASCII)
 _TOLERANCE = re.compile(rf"\btolerance\s+({_NUMBER})(\s*%)?", re.IGNORECASE | re.ASCII)
-_WIDE = Context(prec=700)  # room for any double beside any printed place
+_WIDE = Context(prec=700)  # enough digits for any double and any printed place
 
 
 class LedgerError(ValueError):
-    """Raised if a ledger and the computed numbers disagree; the message has one line for each finding.
+    """Raised if a ledger and the computed numbers disagree, with one line for each finding.
 
     Examples
     --------
@@ -47,7 +48,7 @@ class LedgerError(ValueError):
 
 
 def read_number(text: str) -> Decimal:
-    """Read a number with its precision: the exponent of the result is that of the last written place.
+    """Read a number. The exponent of the result is that of the last written place.
 
     >>> read_number("1.30")
     Decimal('1.30')
@@ -61,7 +62,7 @@ def read_number(text: str) -> Decimal:
 
 
 def plain(value: Any) -> int | float:
-    """Turn what a page hands over, often a NumPy scalar, into an int or a float, which may be infinite."""
+    """Convert a value of a page, often a NumPy scalar, to an int or a float, which may be infinite."""
     scalar = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
     if isinstance(scalar, Integral) and not isinstance(scalar, bool):
         return int(scalar)
@@ -82,10 +83,10 @@ def unit(number: Decimal) -> Decimal:
 
 
 def agrees(fresh: str, stored: str) -> bool:
-    """Tell whether a fresh number equals a stored one, to one unit in the last stored place or 1e-9 of it.
+    """Return True if a new number equals a stored one, to one unit in the last stored place or 1e-9 of it.
 
-    A stored number with fewer digits than the fresh one does not agree, since drift would stay hidden. One less is
-    allowed (9.99... and 10.0... have ten digits each), and so are ten decimals, of a computed zero.
+    A stored number with fewer digits than the new one does not agree, since it would hide a change. One digit less is
+    allowed (9.99... and 10.0... have ten digits each), and so are ten decimals of a computed zero.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -96,9 +97,9 @@ def agrees(fresh: str, stored: str) -> bool:
 
 
 def write(value: float, floor: int, digits: int = DIGITS) -> str:
-    """Write a value with its trailing zeros, so that the text says how precise it is.
+    """Write a value with its trailing zeros, which show its precision.
 
-    What lies below the power of ten `floor` is dropped: there is the noise of a computed zero.
+    Digits below the power of ten `floor` are dropped, since they are the noise of a computed zero.
 
     >>> write(0.5, -12), write(1.2e-17, -11), write(2.5e-7, -17, digits=3)
     ('0.5000000000', '0.00000000000', '2.50e-7')
@@ -108,7 +109,7 @@ def write(value: float, floor: int, digits: int = DIGITS) -> str:
 
 
 def shorten(text: str, digits: int) -> str:
-    """Round a real number for a reader; integers and infinities stay.
+    """Round a real number for a reader. Integers and infinities do not change.
 
     >>> shorten("1.234567000", 4), shorten("12", 1), shorten("inf", 4), shorten("0.000000000000", 4)
     ('1.235', '12', 'inf', '0')
@@ -124,7 +125,7 @@ def shorten(text: str, digits: int) -> str:
 
 
 def same_text(old: str, new: str) -> bool:
-    """Tell whether two texts say the same: words and whole numbers exactly, decimals as `agrees` does.
+    """Return True if two texts agree: words and whole numbers exactly, decimals by `agrees`.
 
     >>> same_text("worst of 2: a; ratio 0.31", "worst of 2: a; ratio 0.32"), same_text("2 of 10", "3 of 10")
     (True, False)
@@ -136,7 +137,7 @@ def same_text(old: str, new: str) -> bool:
 
 
 def show(printed: str, computed: str) -> str:
-    """Round a stored number for a reader: two digits more than printed, at least three in all, none invented.
+    """Round a stored number for a reader to two digits more than printed, at least three, if it has them.
 
     >>> show("1.31", "1.309812345"), show("1200", "0.001234567890"), show("0.382", "0.38")
     ('1.3098', '0.00123', '0.38')
@@ -165,7 +166,7 @@ def tolerance(note: str, printed: Decimal) -> Decimal | None:
         raise LedgerError("the note sets more than one tolerance")
     size, percent = found[0]
     width = Decimal(size) * (abs(printed) / 100 if percent else 1)
-    if width < unit(printed) / 2:  # a value could then round to the print and still be refused
+    if width < unit(printed) / 2:  # A value could then round to the print and still be refused.
         raise LedgerError(f"the tolerance {width} is finer than the printed digits of {printed}")
     if width > max(WIDEST * abs(printed), unit(printed) / 2):
         raise LedgerError(f"the tolerance {width} is wider than 5 % of {printed}: declare why it differs")
@@ -185,21 +186,20 @@ def difference(printed: str, computed: str) -> Decimal:
 def derive(printed: str, computed: str, note: str = "") -> str | None:
     """Return the verdict that follows from two numbers.
 
-    A tie counts for the print, since a paper may round it either way. A note that sets a tolerance says that the digits
-    are not expected to match: such a number is ``approximate`` when it lies within, even if it happens to round to the
-    print.
+    A tie counts as agreement, since a paper may round it either way. If a note sets a tolerance, the digits are not
+    expected to match. Then a number within it is ``approximate``, even if it happens to round to the print.
 
     Parameters
     ----------
     printed, computed : str
         Two numbers, with the digits that they have.
     note : str, optional
-        Looked at for a tolerance only: ``tolerance 1 %`` of the print, or ``tolerance 0.02`` in its units.
+        Searched for a tolerance: ``tolerance 1 %`` of the print, or ``tolerance 0.02`` in its units.
 
     Returns
     -------
     str or None
-        ``reproduced``, ``last-digit`` or ``approximate``; None when the numbers disagree, and somebody has to declare
+        ``reproduced``, ``last-digit`` or ``approximate``. None if the numbers disagree, so that a person has to declare
         why.
 
     Raises
@@ -226,7 +226,7 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
 # --- statements -----------------------------------------------------------------------------------------------------
 
 ROUNDING = "rounding"  # the convention of an identity
-SIGNS = {  # the test; for a reader what holds, and what does not
+SIGNS = {  # The comparison, and signs for a reader if it holds and if it fails.
     "<": (operator.lt, "<", "≮"),
     "<=": (operator.le, "≤", "≰"),
     ">": (operator.gt, ">", "≯"),
@@ -239,8 +239,8 @@ _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?: \| (.+))?")
 
 
-# The words that compare, one table for all papers: by sign what must hold, each a sign and a factor of the right side.
-# The page *Notation* says what the words mean.
+# The conventions of all papers: by sign the bounds that must hold, each a sign and a factor of the right side. The page
+# *Notation* defines the words.
 CONVENTIONS = {
     "similar": {"≈": ">= 0.9, <= 1/0.9"},
     "slightly": {"<": "<, >= 0.9", ">": ">, <= 1/0.9"},
@@ -255,25 +255,25 @@ _BOUNDS = CONVENTIONS | {"": {sign: sign for sign in SIGNS if sign != "≈"}, RO
 
 @dataclass(frozen=True)
 class Relation:
-    """The relation that a statement asks for, from the column ``relation`` of its row.
+    """Relation that a statement asserts, from the column ``relation`` of its row.
 
     Parameters
     ----------
     left : str
-        What the left side is; may be empty.
+        Name of the left side, possibly empty.
     sign : str
         One of ``< <= > >= == ≈``; ``==`` is for integers, ``≈`` needs a convention.
     right : str
-        What the right side is; the tolerance of an identity.
+        Name of the right side, or the tolerance of an identity.
     convention : str
-        A key of `CONVENTIONS`; ``rounding`` for an identity, whose left side is a residual; or empty.
+        A key of `CONVENTIONS`, ``rounding`` for an identity, whose left side is a residual, or empty.
     some : bool
-        Whether one case is enough; by default every case must hold.
+        True if one case is enough. By default every case must hold.
     parts : tuple of str
-        Of a statement that holds in part, the cases that were declared to hold, or to fail. A case belongs to a part
-        that it is called like, or that its name begins with: ``ex2, Ms 1.4`` to ``ex2``.
+        For a statement that holds in part, the cases that are declared to hold, or to fail. A case belongs to a part
+        with its name, or with the beginning of its name: ``ex2, Ms 1.4`` to ``ex2``.
     parts_hold : bool
-        Whether the parts hold and all other cases fail, or the other way round.
+        True if the parts hold and all other cases fail, False for the reverse.
 
     Examples
     --------
@@ -335,7 +335,7 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True if a residual is compared with rounding. Only its decade is kept; the rest depends on the machine."""
+        """True for a residual that is compared with rounding. Only its decade is stored."""
         return self.convention == ROUNDING
 
     @property
@@ -346,16 +346,16 @@ class Relation:
         return ", ".join(filter(None, said))
 
     def decide(self, cases: Cases, digits: int = DIGITS, strict: bool = True) -> "Evidence":
-        """Find the case that decides: the worst one, or the best where one is enough.
+        """Find the decisive case, the worst one, or the best if one is enough.
 
         Parameters
         ----------
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Both sides by case, or of the only case; for an identity residuals by case, or the only one.
+            Both sides by case, or of a single case. For an identity residuals by case, or a single one.
         digits : int, optional
-            Significant digits to keep of real numbers; integers stay exact.
+            Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
-            Whether each case of a statement that holds in part must be as declared.
+            True if each case of a statement that holds in part must be as declared.
 
         Returns
         -------
@@ -364,7 +364,7 @@ class Relation:
         Raises
         ------
         LedgerError
-            If there is no case, or a side is no number of the kind that the relation compares.
+            If there is no case, or a side is not a number of the kind that the relation compares.
 
         Examples
         --------
@@ -388,7 +388,7 @@ class Relation:
         return self._evidence(pairs, digits, which)
 
     def _evidence(self, pairs: dict[str, Pair], digits: int, which: str) -> "Evidence":
-        """Keep the case that decides: the one nearest to failing, or to holding where one case is enough."""
+        """Return the evidence of the case that is nearest to failing, or to holding if one case is enough."""
         slack = {name: self._slack(*pair) for name, pair in pairs.items()}
         name = (max if self.some else min)(slack, key=lambda case: slack[case][0])
         remark = "; ".join(filter(None, (which.format(name), _ratios([*pairs.values()]))))
@@ -397,7 +397,7 @@ class Relation:
         return Evidence(left, *slack[name][1], right, remark)
 
     def _in_part(self, pairs: dict[str, Pair], digits: int, strict: bool) -> "Evidence":
-        """Keep the weakest part that holds and the part that fails by least; if strict, each case is as declared."""
+        """Return the evidence of the weakest part that holds and of the part that fails by least."""
         if idle := [part for part in self.parts if not any(_belongs(name, part) for name in pairs)]:
             raise LedgerError(f"no case is called {' or '.join(idle)}; there are {'; '.join(pairs)}")
         declared = {n: any(_belongs(n, part) for part in self.parts) == self.parts_hold for n in pairs}
@@ -428,12 +428,12 @@ class Relation:
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
-            # rounded, so that rounding errors never exchange two equal cases
+            # It is rounded, so that rounding errors never exchange two equal cases.
             found.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
         return min(found, key=lambda one: one[0])
 
     def _residual(self, residuals: list[float]) -> "Evidence":
-        """Keep the decade of the largest residual; all digits if it is no rounding."""
+        """Return the evidence of the largest residual: its decade, or all digits if it is larger than rounding."""
         found, tolerance = max(map(abs, residuals)), float(self.right)
         if not isfinite(found):
             raise LedgerError(f"a residual is finite, found {found}")
@@ -445,7 +445,7 @@ class Relation:
 
 @dataclass(frozen=True)
 class Evidence:
-    """The inequality of two computed numbers that decides a statement, as its row keeps it.
+    """Inequality of two computed numbers that decides a statement, as stored in its row.
 
     Parameters
     ----------
@@ -454,13 +454,13 @@ class Evidence:
     sign : str
         One of ``< <= > >= ==``.
     factor : str
-        What the right number is multiplied by: ``0.8``, ``1/0.9`` or nothing.
+        Factor of the right number: ``0.8``, ``1/0.9`` or empty.
     right : str
         The right number with its digits.
     remark : str, optional
-        Of how many cases this is the worst, and the range of the ratio of both sides over them.
+        Number of cases of which this is the worst, and the range of the ratio of both sides.
     but : Evidence, optional
-        Of a statement that holds in part, the inequality that fails; after `` || `` in the row.
+        For a statement that holds in part, the inequality that fails, after `` || `` in the row.
 
     Examples
     --------
@@ -478,7 +478,7 @@ class Evidence:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read what a row keeps.
+        """Read the evidence of a row.
 
         Parameters
         ----------
@@ -492,7 +492,7 @@ class Evidence:
         Raises
         ------
         LedgerError
-            If it is no inequality of two numbers.
+            If it is not an inequality of two numbers.
 
         Examples
         --------
@@ -529,7 +529,7 @@ class Evidence:
         return "holds" if SIGNS[self.sign][0](_exact(self.left), asked) else "fails"
 
     def shown(self) -> str:
-        """Return the inequality for a reader: four digits, or as many as tell both sides apart; a sign that is true.
+        """Return the inequality for a reader, with four digits or as many as distinguish both sides, and a true sign.
 
         Returns
         -------
@@ -555,7 +555,7 @@ def _name(key: object) -> str:
 
 
 def _belongs(name: str, part: str) -> bool:
-    """Return True if a case is called like a part, or its name begins with that of the part."""
+    """Return True if the name of a case is that of a part, or begins with it."""
     return name == part or name.startswith(f"{part}, ")
 
 
@@ -567,14 +567,14 @@ def _pair(value: object) -> Pair:
 
 
 def _side(value: float, scale: float, digits: int) -> str:
-    """Write one side; an integer stays, and what is below 1e-12 of the larger side is dropped as noise."""
+    """Write one side. An integer stays, and digits below 1e-12 of the larger side are dropped as noise."""
     if isinstance(value, int) or isinf(value):
         return str(value)
     return write(value, Decimal(repr(float(scale))).adjusted() - 12 if scale else -400, digits)
 
 
 def _ratios(pairs: list[Pair]) -> str:
-    """Say the range of left over right, where all are positive real numbers."""
+    """Return the range of left over right in words, if all are positive real numbers."""
     sides = [side for pair in pairs for side in pair]
     if all(isinstance(side, int) for side in sides) or not all(0 < side < float("inf") for side in sides):
         return ""
@@ -583,7 +583,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Two digits, or as many as tell it from 1; a tiny or huge ratio may be one of rounding errors."""
+    """Round a ratio to two digits, or as many as distinguish it from 1. A tiny or huge one may be rounding."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

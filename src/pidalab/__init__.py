@@ -4,7 +4,7 @@ Data flow in one direction, in the library and in every chapter of the book::
 
     step data -> identify -> Process -> rule -> controller -> Loop -> Response -> measures -> figure, ledger
 
-Names are imported when they are first used, so that ``import pidalab`` is quick and each user waits for what it needs.
+Names are imported when they are first used, so that ``import pidalab`` is fast.
 """
 
 from lazy_loader import attach_stub

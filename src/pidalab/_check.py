@@ -1,4 +1,4 @@
-"""Argument checks: one place for what is allowed, and one way to say what was found."""
+"""Argument checks, with messages in one style."""
 
 from __future__ import annotations
 
@@ -11,12 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-NO_NUMBERS = (str, bytes, bool, np.bool_, np.datetime64, np.timedelta64)  # though float() takes some of them
+NO_NUMBERS = (
+    str,
+    bytes,
+    bool,
+    np.bool_,
+    np.datetime64,
+    np.timedelta64,
+)  # although float() accepts some of them
 
-LARGEST = 1e150  # size whose square is still a number
-BLOCK = 4096  # numbers that are checked at a time
+LARGEST = 1e150  # its square does not overflow
+BLOCK = 4096  # numbers that are checked together
 INDICES = np.arange(BLOCK)
-HIGHEST = 400  # order of a lag, a filter or an expansion: beyond it polynomials leave double precision
+HIGHEST = 400  # highest order of a lag, a filter or an expansion; with more, polynomials overflow in double precision
 
 
 def real(
@@ -62,7 +69,7 @@ def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return a hint for an error message if an attribute of `value` is what was wanted, and nothing otherwise."""
+    """Return a hint for an error message if an attribute of `value` has the wanted type, otherwise an empty text."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"
@@ -70,7 +77,7 @@ def carrier(value: Any, kind: type) -> str:
 
 
 def _require_plain(name: str, value: Any, what: str) -> None:
-    """Raise for an array that becomes other numbers as a plain one: its unit of time or its mask would be lost."""
+    """Raise for an array whose unit of time or mask would be lost in conversion."""
     kind = getattr(value, "dtype", None)
     if isinstance(kind, np.dtype) and kind.kind in "mM":
         raise TypeError(
@@ -81,7 +88,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
 
 
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
-    """Return a copy as an array of any shape; text and other kinds of data are not taken for numbers."""
+    """Return a copy as an array of any shape. Text and other kinds of data are refused."""
     if type(value) is np.ndarray and value.dtype == kind:
         return value.copy()
     _require_plain(name, value, what)
@@ -97,17 +104,17 @@ def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> 
 
 
 def _real_array(name: str, value: ArrayLike) -> Array:
-    """Return a copy as a float array of any shape; nothing imaginary is dropped."""
+    """Return a copy as a float array of any shape. Raise for imaginary parts."""
     return _copied(name, value, float, "cUSOmM", "an array of real numbers")
 
 
 def array(name: str, value: ArrayLike) -> Array:
-    """Return `value` as a finite float array of any shape but an empty one, or raise naming the argument."""
+    """Return `value` as a finite, non-empty float array of any shape, or raise naming the argument."""
     return _finite(name, _real_array(name, value))
 
 
 def _finite(name: str, values: Array) -> Array:
-    """Return an array, or raise if it is empty or holds what is no number."""
+    """Return an array. Raise if it is empty or contains NaN or infinity."""
     if not values.size:
         raise ValueError(f"{name} must hold at least one number, found shape {values.shape}")
     if not all_finite(values):
@@ -118,13 +125,13 @@ def _finite(name: str, values: Array) -> Array:
 
 
 def all_finite(values: Array) -> bool:
-    """Return True if all numbers are finite; their sum tells without another array, unless it overflows."""
+    """Return True if all numbers are finite. Their sum shows it without another array, unless it overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(np.add.reduce(values, axis=None)) or np.isfinite(values).all())
 
 
 def complex_array(name: str, value: ArrayLike) -> Any:
-    """Return `value` as finite complex numbers of any shape; text is not taken for numbers."""
+    """Return `value` as finite complex numbers of any shape. Text is refused."""
     array = _copied(name, value, complex, "USOmM", "complex numbers")
     finite = np.isfinite(array)
     if not finite.all():
@@ -147,7 +154,7 @@ def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array
 
 
 def polynomial(name: str, value: ArrayLike) -> Array:
-    """Return descending coefficients without leading zeros; the zero polynomial is ``[0.]``."""
+    """Return descending coefficients without leading zeros. The zero polynomial is ``[0.]``."""
     array = _real_array(name, value)
     array = _one_dimensional(name, array if array.ndim else array.reshape(1))
     if not array[0]:
@@ -167,18 +174,19 @@ def proper(what: str, num: Array, den: Array) -> None:
 
 
 def uniform_time(name: str, value: ArrayLike) -> Array:
-    """Return a uniform time grid that starts at 0, or raise naming the first place where it fails."""
+    """Return a uniform time grid that starts at 0, or raise naming the first time that is not uniform."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
         raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract that time")
     step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
-    for start in range(0, t.size, BLOCK):  # block by block, since new memory costs more than the arithmetic
+    # This works block by block, since new memory takes longer than the arithmetic.
+    for start in range(0, t.size, BLOCK):
         block = t[start : start + BLOCK]
         grid = step * (start + INDICES[: block.size])
         off = np.abs(block - grid)
-        if off.max() > 1e-6 * step:  # times stored in single precision are off by a share of themselves
+        if off.max() > 1e-6 * step:  # Times stored in single precision have relative errors.
             far = np.flatnonzero(off > 1e-6 * (step + grid))
             if far.size:
                 i = int(far[0])
@@ -190,7 +198,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
 
 
 def signal(name: str, value: ArrayLike, size: int) -> Array:
-    """Return a held signal of `size` samples; a number becomes a step at t = 0, which takes no memory."""
+    """Return a held signal of `size` samples. A number becomes a step at t = 0 without allocated memory."""
     array = np.zeros(()) if isinstance(value, (int, float)) else _real_array(name, value)
     if array.ndim == 0:
         return np.broadcast_to(real(name, value), size)
@@ -200,7 +208,7 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def is_constant(signal: Array) -> bool:
-    """Return True if a held signal never changes; that of a number is known to."""
+    """Return True if a held signal is constant, as one from a number is."""
     return signal.strides == (0,) or bool((signal[1:] == signal[:-1]).all())
 
 
@@ -211,14 +219,14 @@ def signals(t: ArrayLike, **given: ArrayLike) -> tuple[Array, ...]:
 
 
 def squarable(name: str, array: Array) -> None:
-    """Raise for values whose squares overflow; nan is passed over."""
+    """Raise for values whose squares overflow. NaN is ignored."""
     largest = float(np.nanmax(np.abs(array), initial=0.0))
     if LARGEST < largest < math.inf:
         raise ValueError(f"{name} must be below {LARGEST:g}, found {largest:g}")
 
 
 def pair(name: str, what: str, value: Any) -> tuple[float, float]:
-    """Return two numbers as floats, or raise naming the argument and what they are."""
+    """Return two numbers as floats, or raise naming the argument and their meaning."""
     try:  # a float may be infinite, or not a number
         first, second = (float(x) if isinstance(x, (float, np.floating)) else real(name, x) for x in value)
     except (TypeError, ValueError):

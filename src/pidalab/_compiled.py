@@ -32,8 +32,8 @@ LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
 KERNELS = PACKAGE / "simulation"  # the folder with all kernels
 LARGE = 50_000  # numbers in the arguments of a call that waits for compiled code
-PLAIN_SECONDS = 1.0  # spent in plain forms before compiled code is looked for, and looked for again
-RETRY_SECONDS = 600.0  # before a second attempt to compile; each later attempt waits four times as long
+PLAIN_SECONDS = 1.0  # time in plain forms before compiled code is sought, and between attempts
+RETRY_SECONDS = 600.0  # time before a second attempt to compile, four times as long before each later one
 MOST_ATTEMPTS = 6
 
 
@@ -68,7 +68,7 @@ class Kernel:
         import numba
 
         config: Any = numba.config
-        # without fused multiply-add, so that written C and Python give the same bits
+        # There is no fused multiply-add, so that written C and Python give the same bits.
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)
@@ -93,11 +93,13 @@ class Kernel:
             self.form.__defaults__,
             cells and tuple(CellType(_python_form(cell.cell_contents)) for cell in cells),
         )
-        self.__dict__["python_form"] = plain_function  # set first, since kernels may call each other
+        self.__dict__["python_form"] = (
+            plain_function  # The attribute is set first, since kernels may call each other.
+        )
         names.update({name: _python_form(value) for name, value in names.items()})
         return plain_function
 
-    # numba reads the following of a kernel that compiled code calls
+    # numba reads the following attributes of a kernel that compiled code calls.
     @property
     def _numba_type_(self) -> Any:
         return self.dispatcher._numba_type_
@@ -251,10 +253,11 @@ def compile_in_background() -> None:
     state = code_folder()
     if state is None or not sys.executable:
         return
-    # detached on Windows, in a group of its own and below normal priority; elsewhere the process lowers its priority
+    # On Windows the process is detached, in a new group and below normal priority. Elsewhere it lowers its priority.
     apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
     closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    # from the package's folder and without the working directory on the path, whose files must not be imported
+    # It starts in the package's folder, and without the working directory on the path, whose files must not be
+    # imported.
     parent = str(PACKAGE.parent)
     script = f"import sys; sys.path.append({parent!r}); from pidalab.warm_up import main; main()"
     try:
@@ -273,5 +276,5 @@ def compile_in_background() -> None:
             **closed,
             **apart,
         )
-    except OSError:  # another process was faster, or nothing can be written or started here
+    except OSError:  # another process was faster, or this one cannot write or start a process
         return

@@ -1,4 +1,4 @@
-"""Work in parts, by whoever computes: this process, threads, processes, or the executor of a cluster."""
+"""Parallel work: tasks for this process, threads, processes, or the executor of a cluster."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Result = TypeVar("Result")
 
 
 def require_executor(executor: object) -> None:
-    """Refuse what is no executor."""
+    """Raise unless `executor` is None or an executor."""
     if not isinstance(executor, Executor | None):
         raise TypeError(f"executor must be an Executor or None, found {type(executor).__name__}")
 
@@ -19,10 +19,10 @@ def require_executor(executor: object) -> None:
 def done(
     work: Callable[[Part], Result], parts: Sequence[Part], executor: Executor | None, unit: str
 ) -> list[Result]:
-    """Return the result of each part, in their order, with a bar of what is finished where somebody looks."""
+    """Return the results of all tasks in order, with a progress bar in a terminal or notebook."""
     from tqdm import tqdm
 
-    # no bar for what takes a second, or is read by no person
+    # There is no bar for a task of a second or without a terminal.
     bar = {"unit": unit, "disable": None, "delay": 1.0}
     if executor is None:
         return [work(part) for part in tqdm(parts, **bar)]

@@ -1,10 +1,9 @@
-"""Text from outside, on its way into files that are written here: one function lets it through, whatever the file.
+"""Sanitising of text from outside before it is written to files.
 
-File names, names of columns, lines of a record, notes and the name of a controller in a JSON are text of others.
-Written code, reports, tables and JSON carry such text in heads and titles. There it must stay text: no end of a
-comment, no quote, no tag, no formula and no line feed may come through. Nobody needs those to know a file again, so
-only a few kinds of characters pass. What is left needs no escaping in C, structured text, Python, JSON, HTML or a cell
-of a table.
+File names, names of columns, lines of a record, notes and the name of a controller in a JSON come from outside. Written
+code, reports, tables and JSON contain such text in headers and titles. It must not end a comment, and must not contain
+a quote, a tag, a formula or a line feed. Since nobody needs these to recognise a file, only a few kinds of characters
+pass. The result needs no escaping in C, structured text, Python, JSON, HTML or a cell of a table.
 """
 
 from __future__ import annotations
@@ -13,20 +12,20 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-KINDS = ("PI", "PID", "PIDA")  # of controllers, by their highest derivative
+KINDS = ("PI", "PID", "PIDA")  # kinds of controllers, by their highest derivative
 WITHOUT_ACCELERATION = KINDS[:2]
-# models that rules start from, as `pidalab.rules.models` makes them of a process
+# Names of the models that `pidalab.rules.models` derives from a process for the rules.
 STARTING_MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
 
 
-MARKS: Final = ".,_-+°%"  # beside letters, digits and blanks
-LONGEST_LINE: Final = 200  # characters
+MARKS: Final = ".,_-+°%"  # allowed in addition to letters, digits and blanks
+LONGEST_LINE: Final = 200  # in characters
 
 
 def comment_text(text: str, longest: int) -> str:
-    """Return text as one line for a comment of written code, with the marks of an ordinary sentence.
+    """Return text as one line for a comment of written code, with usual punctuation.
 
-    Without asterisk, quotation mark and backslash nothing ends a comment of C, structured text or Python.
+    It cannot end a comment of C, structured text or Python, since it has no asterisk, quotation mark or backslash.
 
     Examples
     --------
@@ -40,28 +39,27 @@ def comment_text(text: str, longest: int) -> str:
 def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> str:
     """Return text from outside as one line that is safe in any file: letters, digits, blanks and ``.,_-+°%``.
 
-    What lies between them becomes one blank, also line feeds. Use it for each text that a file, a user or a name of a
-    file brought, and that goes into a file written here. Lines of our own, as far as they are made of our words and of
-    numbers, need it not.
+    Any sequence of other characters, line feeds included, becomes one blank. Use it for every text from a file, a user
+    or a file name that is written to a file. Lines that consist of our own words and numbers do not need it.
 
     Parameters
     ----------
     text : str
-        Of anybody.
+        Text from outside.
     longest : int, optional
-        Characters that are kept at most; what is cut ends in three points.
+        Largest number of characters. A longer text is cut and ends in three points.
     marks : str, optional
-        The marks that pass.
+        Allowed punctuation.
 
     Returns
     -------
     str
-        Without blanks at its ends; empty if nothing is left.
+        The line without blanks at its ends, possibly empty.
 
     Raises
     ------
     TypeError
-        If text is no str.
+        If text is not a str.
 
     Examples
     --------
@@ -75,7 +73,7 @@ def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> st
     """
     if not isinstance(text, str):
         raise TypeError(f"text must be a str, found {type(text).__name__}")
-    # what is cut here cannot come back below: reading a long text takes no time
+    # Cut a long text first, so that the rest is fast.
     kept = unicodedata.normalize("NFC", text[: 4 * longest])
     words = "".join(x if _passes(x, marks) else " " for x in kept).split()
     line = " ".join(words)
@@ -89,21 +87,21 @@ def _passes(character: str, marks: str) -> bool:
 
 
 def set_out(cells: Iterable[str], widths: Sequence[int], left: int = 1) -> str:
-    """Return cells as a line of a table: the first ones to the left of their columns, the others to the right.
+    """Return cells as a line of a table, the first ones aligned left, the others right.
 
     Parameters
     ----------
     cells : iterable of str
-        The line may end before the last column.
+        Cells, possibly fewer than columns.
     widths : sequence of int
-        Of the columns.
+        Widths of the columns.
     left : int, optional
-        How many are set to the left: names, where the others are numbers.
+        Number of cells that are aligned left.
 
     Returns
     -------
     str
-        Without blanks at its end.
+        The line without blanks at its end.
 
     Examples
     --------

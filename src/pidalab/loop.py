@@ -1,4 +1,4 @@
-"""The feedback loop: which block sits where, what each signal is called, and its transfer functions."""
+"""The feedback loop: blocks, names of signals, and transfer functions."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from pidalab.digital import DigitalController
 from pidalab.process import AsymmetricPlant, Process, fraction_at, quotient, rational
 from pidalab.roots import roots
 
-if TYPE_CHECKING:  # only who asks for a frequency response waits for python-control
+if TYPE_CHECKING:  # python-control is imported only for a frequency response.
     import control
 
-FREQUENCIES = 1000  # of a frequency response, before the dead time asks for more
-# rad by which the dead time turns the phase between two of them, and altogether
+FREQUENCIES = 1000  # number of frequencies of a frequency response, before those for the dead time
+# Largest turn of the dead time's phase, in rad, between two of them and in total.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 
 class Loop:
-    r"""A process under feedback, with named blocks and signals; it does not change.
+    r"""Feedback loop of a process, with named blocks and signals, immutable.
 
     ::
 
@@ -50,20 +50,20 @@ class Loop:
     Parameters
     ----------
     process : Process
-        The plant, dead time included. A python-control system is taken as a plant without dead time.
+        The plant with its dead time. A python-control system is a plant without dead time.
     controller : controller, DigitalController, control.TransferFunction or float
-        From the difference of filtered set point and measurement to control; proper. A loop with a digital one has no
-        transfer function in s: it is for `simulate_sampled`, `noise_gain`, `margins` and `is_stable`.
+        A proper controller from the difference of filtered set point and measurement to u. A loop with a digital
+        controller has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and `is_stable`.
     output_filter : Process, OutputFilter or control.TransferFunction, optional
-        In series with the controller, inside the loop; proper, without dead time. Default 1.
+        Filter in series with the controller, inside the loop; proper, without dead time. By default 1.
     prefilter : Process, OutputFilter or control.TransferFunction, optional
-        Acts on the set point alone; proper, stable, without dead time. Default 1.
+        Filter of the set point; proper, stable, without dead time. By default 1.
 
     Raises
     ------
     TypeError, ValueError
-        For a block that is not proper, not single-input single-output, or not continuous in time, and for a
-        prefilter that is unstable: no feedback could stabilise it.
+        For a block that is not proper, not single-input single-output, or not continuous in time, and for an unstable
+        prefilter, which no feedback could stabilise.
 
     Examples
     --------
@@ -118,14 +118,14 @@ class Loop:
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
-        raise AttributeError(f"a Loop does not change; make a new one with another {name}")
+        raise AttributeError(f"a Loop cannot be changed; make a new one with another {name}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Loop, (self.process, self.controller, self.output_filter, self.prefilter)
 
     @property
     def open_loop(self) -> Fraction:
-        """L without its dead time: the product of the blocks of the loop, in which nothing is cancelled.
+        """L without its dead time, the product of the blocks without cancellation.
 
         Raises
         ------
@@ -147,12 +147,12 @@ class Loop:
 
     @property
     def digital(self) -> DigitalController | None:
-        """The controller, if it is a digital one."""
+        """The controller, if it is digital."""
         return self.controller if isinstance(self.controller, DigitalController) else None
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Limits of the control signal that the controller brings along, from rest; infinite without any."""
+        """Limits of the controller, relative to the state of rest, infinite without limits."""
         if self.digital is not None:
             low, high = (limit - self.digital.bias for limit in self.digital.limits)
             return low, high
@@ -160,7 +160,7 @@ class Loop:
 
     @property
     def automatic_reset(self) -> AutomaticReset | None:
-        """Automatic reset of the controller, None where its integral action is an integrator."""
+        """Automatic reset of the controller, None if its integral action is an integrator."""
         return self.controller.automatic_reset() if isinstance(self.controller, Controller) else None
 
     def block(self, name: str, s: ArrayLike) -> Any:
@@ -169,9 +169,9 @@ class Loop:
         Parameters
         ----------
         name : {"process", "controller", "output_filter", "prefilter"}
-            Which block.
+            Name of the block.
         s : array_like of complex
-            Where, in rad per time unit (use ``1j * w``).
+            Complex frequencies, in rad per time unit (use ``1j * w``).
 
         Returns
         -------
@@ -181,7 +181,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For another name, and for an s so large that the block leaves the range of numbers.
+            For another name, and on overflow.
 
         Examples
         --------
@@ -192,15 +192,15 @@ class Loop:
         if name not in BLOCKS:
             raise ValueError(f"name must be one of {', '.join(BLOCKS)}, found {name!r}")
         if name == "controller":
-            _ = self.open_loop  # raises for a digital one
+            _ = self.open_loop  # raises an error for a digital controller
         return quotient(*fraction_at(*self.blocks[name], s))
 
     def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
-        """Numerator (dead time included) and denominator of L at complex s."""
+        """Return numerator (with dead time) and denominator of L at complex s."""
         return fraction_at(*self.open_loop, s, self.process.delay)
 
     def L(self, s: ArrayLike) -> Any:
-        """Loop transfer function: process (dead time exact), controller and output filter.
+        """Evaluate the loop transfer function of process (dead time exact), controller and output filter.
 
         Parameters
         ----------
@@ -227,7 +227,7 @@ class Loop:
         return quotient(forward, back)
 
     def S(self, s: ArrayLike) -> Any:
-        """Sensitivity 1 / (1 + L): what feedback leaves of a disturbance at the output.
+        """Evaluate the sensitivity 1 / (1 + L), the factor by which feedback reduces a disturbance at the output.
 
         Parameters
         ----------
@@ -250,11 +250,12 @@ class Loop:
         >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).S(1.0)
         np.complex128(0.5+0j)
         """
-        forward, back = self._fraction(s)  # not 1/(1 + L): with integral action S(0) is 0, not 1/(1 + inf)
+        # With integral action this gives S(0) = 0, while 1/(1 + L) would need 1/(1 + inf).
+        forward, back = self._fraction(s)
         return quotient(back, back + forward)
 
     def T(self, s: ArrayLike) -> Any:
-        """Complementary sensitivity L / (1 + L) = 1 - S.
+        """Evaluate the complementary sensitivity L / (1 + L) = 1 - S.
 
         Parameters
         ----------
@@ -281,7 +282,7 @@ class Loop:
         return quotient(forward, back + forward)
 
     def transfer(self, output: str, source: str, s: ArrayLike) -> Any:
-        """Closed-loop transfer function between two named signals.
+        """Evaluate the closed-loop transfer function between two named signals.
 
         Parameters
         ----------
@@ -300,7 +301,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For another signal name, and for an s so large that a block leaves the range of numbers.
+            For another signal name, and on overflow.
 
         Examples
         --------
@@ -315,7 +316,8 @@ class Loop:
         p, q = fraction_at(*self.blocks["process"], s, self.process.delay)
         controller, output_filter = (fraction_at(*self.blocks[name], s) for name in BLOCKS[1:3])
         c, d = (first * second for first, second in zip(controller, output_filter, strict=True))
-        # each over the same denominator: at a pole of a block, such as 0 with integral action, none is 0 times infinity
+        # All have the same denominator, so that no pole of a block, such as 0 with integral action, gives 0 times
+        # infinity.
         if source == "d":
             y, u = quotient(p * d, back + forward), quotient(-forward, back + forward)
         else:
@@ -326,18 +328,18 @@ class Loop:
         return y if output == "y" else u
 
     def frequency_response(self, frequencies: ArrayLike | None = None) -> control.FrequencyResponseData:
-        """Return L on a grid of frequencies for python-control, which knows no dead time: here it is exact.
+        """Return L on a grid of frequencies for python-control, with exact dead time.
 
         Parameters
         ----------
         frequencies : array_like, optional
-            In rad per time unit, rising, above 0; by default a decade beyond the corners of L on both sides, and dense
-            enough to follow the phase, but no farther than the dead time turns it twice around.
+            Frequencies in rad per time unit, rising, above 0. By default a decade beyond the corner frequencies of L on
+            both sides, dense enough to follow the phase, and up to two turns of the dead time.
 
         Returns
         -------
         control.FrequencyResponseData
-            For its plots, and what else takes frequency responses.
+            Frequency response, for the plots of python-control.
 
         Raises
         ------
@@ -360,7 +362,7 @@ class Loop:
         return control.FrequencyResponseData(self.L(1j * w), w, name="L")
 
     def _frequencies(self) -> _check.Array:
-        """Frequencies around the corners of L, at which the dead time turns the phase in small steps."""
+        """Return frequencies around the corners of L, dense enough for the phase of the dead time."""
         corners = np.abs(np.concatenate([roots(part) for part in self.open_loop]))
         delay = self.process.delay
         corners = np.append(corners[corners > 0], 1 / delay if delay else [])
@@ -378,26 +380,26 @@ class Loop:
 
 
 def require_well_posed(loop: Loop) -> None:
-    """Raise for a loop without dead time whose direct feedthrough is exactly -1: it has no solution."""
+    """Raise for a loop without dead time and with a direct feedthrough of exactly -1, which has no solution."""
     num, den = open_loop(loop)
     if not loop.process.delay and len(num) == len(den) and abs(1 + num[0] / den[0]) < 1e-12:
         raise ValueError("the loop is ill-posed: without dead time, its direct feedthrough is exactly -1")
 
 
 def require_loop(loop: Loop) -> None:
-    """Raise unless it is a loop."""
+    """Raise unless `loop` is a Loop."""
     if not isinstance(loop, Loop):
         raise TypeError(f"loop must be a pidalab.Loop, found {type(loop).__name__}")
 
 
 def open_loop(loop: Loop) -> Fraction:
-    """Return (num, den) of the loop transfer function without its dead time; nothing is cancelled."""
+    """Return (num, den) of the loop transfer function without dead time and without cancellation."""
     require_loop(loop)
     return loop.open_loop
 
 
 def _rational(name: str, block: Any, kind: type) -> Fraction:
-    """Return (num, den) of a block, or say which attribute of something else to pass."""
+    """Return (num, den) of a block. The error for another object names an attribute to pass."""
     hint = "" if hasattr(block, "fraction") else _check.carrier(block, kind)
     if hint:
         raise TypeError(f"{name} must be a block of the loop, found {type(block).__name__}{hint}")
@@ -405,7 +407,7 @@ def _rational(name: str, block: Any, kind: type) -> Fraction:
 
 
 def _in_series(first: Fraction, *others: Fraction) -> Fraction:
-    """Return the product of fractions, in which nothing is cancelled."""
+    """Return the product of fractions without cancellation."""
     num, den = first
     for other in others:
         if other is not UNITY:
@@ -414,7 +416,7 @@ def _in_series(first: Fraction, *others: Fraction) -> Fraction:
 
 
 def _filter(name: str, block: Any) -> Fraction:
-    """Return (num, den) of a filter, 1 where there is none."""
+    """Return (num, den) of a filter, 1 if there is none."""
     if block is None:
         return UNITY
     if not isinstance(block, Process):

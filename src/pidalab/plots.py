@@ -1,6 +1,7 @@
-"""Figures: pure functions of responses, loops and axes. They compute nothing but what a picture needs.
+"""Figures, drawn by pure functions of responses, loops and axes.
 
-After `use_book_style` a kind of controller has one colour and one dash in all figures, which can be read in grey, too.
+After `use_book_style` each kind of controller has the same colour and dash in all figures, which are also legible in
+grey.
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
-LINE_POINTS = 4000  # of a line; a vector file keeps only those that can be seen
-NOISY_POINTS = 400  # of a noisy line, of which it would keep nearly all
+LINE_POINTS = 4000  # of a line; a vector file drops invisible ones
+NOISY_POINTS = 400  # of a noisy line, of which a vector file would keep nearly all
 
 
 def use_book_style() -> None:
-    """Set matplotlib up for the book: transparent SVG that is the same to the byte on every run.
+    """Configure matplotlib for the book, with transparent SVG that is identical on every run.
 
-    From then on a line whose label names a kind of controller has the colour and the dash of that kind.
+    Afterwards a line whose label names a kind of controller has the colour and the dash of that kind.
 
     Examples
     --------
@@ -50,24 +51,24 @@ def use_book_style() -> None:
         return
     set_matplotlib_formats("svg", metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     if "inline" in mpl.get_backend():
-        # a cell that ends shows its figures; pyplot's own hook would draw each of them once more before
+        # Figures are shown when a cell ends. The hook of pyplot would draw each of them once more before.
         plt.uninstall_repl_displayhook()
 
 
 def thin(t: Array, x: Array, points: int = LINE_POINTS) -> tuple[Array, Array]:
-    """Reduce a long line to few points, keeping the extremes of every stretch.
+    """Reduce a long line to few points, keeping the extremes of every section.
 
     Parameters
     ----------
     t, x : ndarray, shape (n,)
         The line.
     points : int, optional
-        About how many points to keep.
+        Approximate number of points to keep.
 
     Returns
     -------
     t, x : ndarray
-        The first, smallest, largest and last point of each stretch, in order of time.
+        The first, smallest, largest and last point of each section, in order of time.
 
     Examples
     --------
@@ -106,7 +107,7 @@ def signal(
     until : float, optional
         End of the time axis; by default the end of the records.
     faint : mapping of str to Response, optional
-        Lines under the others without label, in the colour of the response of the same key: single noisy runs.
+        Lines without label under the others, in the colour of the response of the same key, such as single noisy runs.
 
     Raises
     ------
@@ -145,14 +146,14 @@ def experiment(
     Parameters
     ----------
     runs : mapping of str to Response
-        By label; all with the same set point.
+        Responses by label, all with the same set point.
     y_label, u_label, time_label : str, optional
-        What is drawn, with units.
+        Axis labels, with units.
 
     Returns
     -------
     Figure
-        With two axes.
+        Figure with two axes.
 
     Raises
     ------
@@ -191,25 +192,26 @@ def maps(
     label: str,
     names: tuple[str, str] = ("θ/τ", "ξ"),
 ) -> Figure:
-    """Draw a quantity over two parameters, in maps side by side, two in a row, with one scale.
+    """Draw a quantity over two parameters as maps, two in a row, with a common scale.
 
     Parameters
     ----------
     x, y : array_like, shape (n,) and (m,)
-        Values of the parameters, above 0; the axis of x is logarithmic.
+        Values of the parameters, above 0. The axis of x is logarithmic.
     values : mapping of str to array_like, shape (m, n)
-        The maps by their titles. Where a value is not finite, as of an unstable loop, the map is hatched.
+        Maps by their titles. Values that are not finite, as of unstable loops, are hatched.
     levels : sequence of float
-        Limits of the shades; below the first one the shade is the first, above the last one there is one more.
+        Limits of the shades. Values below the first limit have the first shade, those above the last limit a further
+        one.
     label : str
-        What is drawn.
+        Label of the scale.
     names : tuple of str, optional
-        What x and y are.
+        Labels of x and y.
 
     Returns
     -------
     Figure
-        With the maps and the scale.
+        Figure with the maps and the scale.
 
     Raises
     ------
@@ -246,21 +248,21 @@ def maps(
         ax.set_ylabel(names[1])
     scale = figure.colorbar(shades, ax=axes, label=label, format="{x:g}")
     for i, patch in enumerate(scale.ax.findobj(PathPatch)):
-        patch.set_gid(f"as-drawn-{i}")  # the shade beyond the last level keeps its colour in the dark, too
+        patch.set_gid(f"as-drawn-{i}")  # The shade above the last level keeps its colour in dark mode.
     return figure
 
 
 def legend(figure: Figure, ncols: int = 3, **more: Any) -> None:
-    """Put one legend beside the axes of a figure, where a label that several axes have stands once.
+    """Add a common legend to a figure, with each label once.
 
     Parameters
     ----------
     figure : Figure
         With lines that have labels.
     ncols : int, optional
-        Labels in a row.
+        Number of labels in a row.
     **more
-        What else `matplotlib.figure.Figure.legend` takes; ``loc`` is "outside upper left" by default.
+        Further arguments of `matplotlib.figure.Figure.legend`. By default ``loc`` is "outside upper left".
 
     Examples
     --------
@@ -281,7 +283,7 @@ def legend(figure: Figure, ncols: int = 3, **more: Any) -> None:
 
 
 def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) -> None:
-    """Write the label of each line beside it and in its colour, where there is room; instead of a legend.
+    """Write the label of each line next to it and in its colour, instead of a legend.
 
     The scales and limits of the axes must be set before.
 
@@ -290,9 +292,9 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     ax : Axes
         With lines that have labels.
     at : mapping of str to float
-        Where on the horizontal axis each label is written, by label.
+        Horizontal position of each label.
     below : collection of str, optional
-        The labels that are written below their lines; the others are written above.
+        Labels that are written below their lines. The others are written above.
 
     Raises
     ------
@@ -317,7 +319,8 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
         up = -1 if label in below else 1
-        side = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up  # away from the slope
+        # The label is shifted away from the slope.
+        side = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up
         place: dict[str, Any] = {"ha": ("center", "left", "right")[side], "va": "bottom" if up > 0 else "top"}
         x, y = ax.transData.inverted().transform((here, y))
         away: dict[str, Any] = {"xytext": (3 * side, 3 * up), "textcoords": "offset points"}
@@ -325,7 +328,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
 
 
 def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float | None = None) -> None:
-    """Draw L(jw) near the critical point, with the circle that it must not enter for a given Ms.
+    """Draw L(jw) near the critical point, with the circle of a given Ms.
 
     Parameters
     ----------
@@ -336,7 +339,7 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     frequencies : ndarray
         In rad per time unit.
     ms : float, optional
-        Maximum sensitivity; its circle has the radius 1/ms around -1.
+        Maximum sensitivity. L must not enter its circle with the radius 1/ms around -1.
 
     Raises
     ------
@@ -373,7 +376,7 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     ax : Axes
         Where to draw.
     curves : mapping of str to ndarray
-        Complex or real values by their labels; their magnitude is drawn.
+        Complex or real values by their labels, whose magnitudes are drawn.
     frequencies : ndarray
         In rad per time unit.
 
@@ -399,7 +402,7 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
 
 
 class _LiveFigure:
-    """What a live figure of the book shows: JSON in a script, which the page's own scripts read; made by `live`."""
+    """Content of a live figure, as JSON in a script element that the scripts of the page read."""
 
     def __init__(self, state: Mapping[str, Any]) -> None:
         self.state = dict(state)
@@ -413,31 +416,31 @@ class _LiveFigure:
 
 
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
-    """Hand controllers to a live figure of the book.
+    """Make a live figure of the book from controllers.
 
-    It belongs in a cell inside ``<div class="pidalab-live">``, which becomes a figure with knobs; a picture that the
-    cell draws is shown to readers without JavaScript.
+    Call it in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers without
+    JavaScript see the figure that the cell draws.
 
     Parameters
     ----------
     plant : str or Process
-        Name of a plant of the lab, such as "lags3", or a process; with one, ``conditions`` must have an ``end``.
+        Name of a plant of the lab, such as "lags3", or a process. With a process ``conditions`` must have an ``end``.
     controllers : mapping of str to HighOrderPID
-        PI, PID or PIDA by the names to show; their numbers are handed over with six digits.
+        PI, PID or PIDA by name. Their numbers are passed with six digits.
     **more : Any
-        What else the figure is told: ``knobs``, ``plots``, ``numbers``, ``rule``, ``ms``, ``conditions``, ``lab``; the
-        head of book/_static/lab/live.js describes them.
+        Further options of the figure: ``knobs``, ``plots``, ``numbers``, ``rule``, ``ms``, ``conditions``, ``lab``. The
+        comment at the top of book/_static/lab/live.js describes them.
 
     Returns
     -------
     object
-        For the notebook to show; its ``state`` is what the figure is told.
+        Object that the notebook displays. Its ``state`` holds the options of the figure.
 
     Raises
     ------
     TypeError, ValueError
-        For anything but controllers of class HighOrderPID by their names, with integral action and at most an
-        acceleration, and for a process without the end of the time axis.
+        For anything but HighOrderPID controllers by name, with integral action and derivatives up to the acceleration,
+        and for a process without the end of the time axis.
 
     Examples
     --------
@@ -450,14 +453,14 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
     designs = [_design(name, controller) for name, controller in controllers.items()]
     if isinstance(plant, Process):
         if not more.get("conditions", {}).get("end", 0) > 0:
-            raise ValueError("conditions must have an end above 0 with a process: the lab knows none for it")
+            raise ValueError("conditions must have an end above 0 with a process, for the time axis")
         numbers = {"num": plant.num.tolist(), "den": plant.den.tolist(), "delay": plant.delay}
         more["plant"] = {name: _six_digits(value) for name, value in numbers.items()}
     return _LiveFigure({"plant": plant, "designs": designs, "names": list(controllers), **more})
 
 
 def _design(name: str, controller: Any) -> dict[str, Any]:
-    """Write a controller as the lab does: standard form and binomial filter."""
+    """Return a controller in the form of the lab, with standard form and binomial filter."""
     gains = controller.coefficients
     if not 2 <= len(gains) <= 4 or gains[0] == 0 or gains[1] == 0:
         raise ValueError(f"controllers[{name!r}] must be a PI, PID or PIDA, found gains {list(gains)}")
@@ -467,18 +470,18 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
 
 
 def _six_digits(value: Any) -> Any:
-    """Round a number, or each of a list, so that a stored page is the same on every machine."""
+    """Round a number, or each of a list, so that a stored page is identical on every machine."""
     return [_six_digits(each) for each in value] if isinstance(value, list) else float(f"{value:.6g}")
 
 
 def _require_axes(ax: Any) -> None:
-    """Raise unless this is one pair of axes."""
+    """Raise unless `ax` is one matplotlib Axes."""
     if not isinstance(ax, Axes):
         raise TypeError(f"ax must be one of matplotlib's Axes, found {type(ax).__name__}")
 
 
 def _require_by_label(name: str, values: Any, kind: type) -> None:
-    """Raise unless these are things of one kind by their labels."""
+    """Raise unless `values` is a mapping of labels to objects of one type."""
     what = f"{name} must be a dictionary of labels and values of type {kind.__name__}"
     if not isinstance(values, Mapping):
         raise TypeError(f"{what}, found {type(values).__name__}")

@@ -13,16 +13,16 @@ from pidalab import _check
 
 
 def of_control(system: Any) -> bool:
-    """Return True for a system of python-control, which need not be imported to tell."""
+    """Return True for a system of python-control, without importing it."""
     return type(system).__name__ in ("TransferFunction", "StateSpace") and type(system).__module__.startswith(
         "control"
     )
 
 
 class Block:
-    """What plants and controllers share: ``2 * block``, ``block / 2``, ``-block`` and products with python-control."""
+    """Operations of plants and controllers: ``2 * block``, ``block / 2``, ``-block``, products with python-control."""
 
-    __array_ufunc__ = None  # numbers of numpy hand the product over
+    __array_ufunc__ = None  # numbers of numpy then leave the product to this class
 
     def _scaled(self, factor: float) -> Any:
         """Return the block with its gain multiplied."""
@@ -43,7 +43,7 @@ class Block:
             f"{type(other).__name__}{hint if isinstance(other, Block) else ''}"
         )
 
-    __rmul__ = __mul__  # one input, one output: the order does not matter
+    __rmul__ = __mul__  # the order does not matter with one input and one output
 
     def __truediv__(self, divisor: float) -> Any:
         divisor = _check.real("the divisor", divisor)
@@ -55,11 +55,11 @@ class Block:
         return self._scaled(-1.0)
 
 
-if TYPE_CHECKING:  # python-control takes longer to import than most sessions take: only who uses it waits
+if TYPE_CHECKING:  # Importing python-control takes long, so it is imported only when it is used.
     import control
 
 
-SHORTEST_TIME = 1e-150  # time whose square is still a number
+SHORTEST_TIME = 1e-150  # its square does not underflow
 
 
 class Process(Block):
@@ -111,7 +111,7 @@ class Process(Block):
 
     def __setattr__(self, name: str, value: Any) -> None:
         if hasattr(self, name):
-            raise AttributeError(f"a Process does not change; make a new one with another {name}")
+            raise AttributeError(f"a Process cannot be changed; make a new one with another {name}")
         super().__setattr__(name, value)
 
     def __eq__(self, other: object) -> bool:
@@ -169,7 +169,7 @@ class Process(Block):
     __rmul__ = __mul__
 
     def __call__(self, s: ArrayLike) -> Any:
-        """Evaluate P at complex s (of any shape), dead time exact; ValueError if that leaves the range of numbers."""
+        """Evaluate P at complex s (of any shape), dead time exact. Raise ValueError on overflow."""
         return quotient(*fraction_at(self.num, self.den, s, self.delay))
 
     def rational_part(self) -> control.TransferFunction:
@@ -212,24 +212,26 @@ class Process(Block):
 
 
 def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float = 0.0) -> tuple[Any, Any]:
-    """Return num exp(-s delay) and den at complex s, or raise where they leave the range of a number."""
+    """Return num exp(-s delay) and den at complex s, or raise on overflow."""
     at = _check.complex_array("s", s)
     try:
         with np.errstate(over="raise", invalid="raise"):
             return np.polyval(num, at) * np.exp(-at * delay), np.polyval(den, at)
     except FloatingPointError:
-        largest = at.flat[np.argmax(np.abs(at / 2))]  # halved: the size of the largest numbers would overflow
-        raise ValueError(f"s is too large to evaluate this at, found {largest:.3g}") from None
+        largest = at.flat[
+            np.argmax(np.abs(at / 2))
+        ]  # Without the factor 1/2 the modulus of the largest numbers would overflow.
+        raise ValueError(f"s must be smaller, since the values overflow, found {largest:.3g}") from None
 
 
 def quotient(num: Any, den: Any) -> Any:
-    """Return num/den; infinite at a pole, and not a number where both are 0."""
+    """Return num/den, which is infinite at a pole and NaN if both are 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(den == 0, np.where(num == 0, np.nan, np.inf), num / den)[()]
 
 
 def static_gain(num: _check.Array, den: _check.Array) -> float:
-    """Return the limit of num/den for s falling to 0, infinite with its sign for integrators."""
+    """Return the limit of num/den as s decreases to 0, infinite with its sign for integrators."""
     if not num.any():
         return 0.0
     zeros, poles = (next(i for i, x in enumerate(p[::-1].tolist()) if x) for p in (num, den))
@@ -272,26 +274,26 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
 
 
 def require_process(name: str, value: Any) -> None:
-    """Raise unless it is a Process; say which attribute of it to pass where that is one."""
+    """Raise unless `value` is a Process, and name an attribute of it that is one."""
     if not isinstance(value, Process):
         hint = _check.carrier(value, Process)
         raise TypeError(f"{name} must be a pidalab.Process, found {type(value).__name__}{hint}")
 
 
 def require_no_zero_at_origin(name: str, value: Any) -> None:
-    """Raise unless it is a Process through which an output can be held: no zero at the origin."""
+    """Raise unless `value` is a Process without a zero at the origin."""
     require_process(name, value)
     if value.num[-1] == 0:
         raise ValueError(f"{name} must have a static gain other than 0, or an integrator, found {value!r}")
 
 
 def sign_of_gain(process: Process) -> float:
-    """Return the sign of gains: integral action is stable only if the last coefficient of all has that of the first."""
+    """Return the sign of gains for stable integral action, that of the last coefficients relative to the first ones."""
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
 def fopdt(gain: float, lag: float, delay: float) -> Process:
-    r"""First order plus dead time, :math:`\frac{gain}{lag\,s + 1} e^{-s\,delay}`.
+    r"""Return a first-order process with dead time, :math:`\frac{gain}{lag\,s + 1} e^{-s\,delay}`.
 
     Parameters
     ----------
@@ -322,7 +324,7 @@ def fopdt(gain: float, lag: float, delay: float) -> Process:
 
 
 def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
-    r"""Second order plus dead time, :math:`\frac{gain}{tau^2 s^2 + 2\,damping\,tau\,s + 1} e^{-s\,delay}`.
+    r"""Return second order plus dead time, :math:`\frac{gain}{tau^2 s^2 + 2\,damping\,tau\,s + 1} e^{-s\,delay}`.
 
     Parameters
     ----------
@@ -359,7 +361,7 @@ def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
 
 
 def ipdt(gain: float, delay: float) -> Process:
-    r"""Integrator plus dead time, :math:`\frac{gain}{s} e^{-s\,delay}`.
+    r"""Return an integrator with dead time, :math:`\frac{gain}{s} e^{-s\,delay}`.
 
     Parameters
     ----------
@@ -388,7 +390,7 @@ def ipdt(gain: float, delay: float) -> Process:
 
 
 def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) -> Process:
-    r"""A chain of equal lags, :math:`\frac{gain}{(lag\,s + 1)^{order}} e^{-s\,delay}`.
+    r"""Return a chain of equal lags, :math:`\frac{gain}{(lag\,s + 1)^{order}} e^{-s\,delay}`.
 
     Parameters
     ----------
@@ -427,13 +429,13 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
 
 @dataclass(frozen=True)
 class AsymmetricPlant:
-    r"""A plant whose store fills at another speed than it empties.
+    r"""Plant with a store that fills and empties at different speeds.
 
     .. math:: T(w, x)\,\dot x = w - x, \quad T = T_{rise} \text{ where } w > x, \text{ otherwise } T_{fall};
               \qquad y = G(s)\,x + D(s)\,w; \qquad w(t) = v(t - L)
 
-    with v the input of the process. At rest x = w, so that the static gain is one and the same; and a shift of all
-    signals to another state of rest changes nothing.
+    with the input v. At rest x = w, so the static gain does not depend on the direction, and signals may be shifted to
+    another state of rest.
 
     Parameters
     ----------
@@ -474,19 +476,19 @@ class AsymmetricPlant:
 
     @property
     def rising(self) -> Process:
-        """The linear process that the plant is while its store fills."""
+        """Linear process while the store fills."""
         return self._linear(self.rise)
 
     @property
     def falling(self) -> Process:
-        """The linear process that the plant is while its store empties."""
+        """Linear process while the store empties."""
         return self._linear(self.fall)
 
     def _linear(self, time: float) -> Process:
         (main, under), (past, below) = rational("main", self.main), rational("direct", self.direct)
         under = np.convolve(under, [time, 1.0])
         extra, rest = np.polydiv(under, below) if under.size >= below.size else (np.ones(1), under)
-        # one denominator divides the other: no need for both
+        # If one denominator divides the other, the larger one is enough.
         if np.max(np.abs(rest)) < 1e-12 * np.max(np.abs(under)):
             return Process(np.polyadd(main, np.convolve(past, extra)), under, self.delay)
         num = np.polyadd(np.convolve(main, below), np.convolve(past, under))

@@ -21,7 +21,7 @@ from pidalab.process import Process, fopdt, require_process, sopdt
 from pidalab.robustness.in_z import axis_of
 from pidalab.roots import roots
 
-LEAST_LAG = 1e-9  # of tau wu in first order, of (tau wu)^4 in second; a smaller lag is a rounding error
+LEAST_LAG = 1e-9  # least tau wu (first order) or (tau wu)^4 (second order); a smaller lag is rounding
 
 
 class FirstOrderModel(NamedTuple):
@@ -82,7 +82,7 @@ def ultimate_frequency(process: Process) -> float:
     0.726543 0.726543
     """
     require_process("process", process)
-    # an integrator shifts the phase by -pi/2 at all frequencies; the rest of the process has a static gain
+    # An integrator shifts the phase by -pi/2 at all frequencies. The remaining process has a static gain.
     settling = np.trim_zeros(process.den, "b")
     integrators = process.den.size - settling.size
     if integrators > 1:
@@ -95,7 +95,9 @@ def ultimate_frequency(process: Process) -> float:
 
     def phase(w: Array) -> Array:
         w = np.atleast_1d(w)
-        exact = np.angle(axis.L(w))  # the sum over all roots gives the number of turns
+        exact = np.angle(
+            axis.L(w)
+        )  # The sum over all roots gives the number of turns, the exact angle the remainder.
         return exact + 2 * np.pi * np.round((turned_phase(unit, w) - exact) / (2 * np.pi)) - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
@@ -110,12 +112,12 @@ def ultimate_frequency(process: Process) -> float:
 
 
 def turned_phase(process: Process, w: Array) -> Array:
-    """Compute the continuous phase, relative to that at frequency 0; roots on the axis count as stable.
+    """Compute the continuous phase relative to that at frequency 0. Roots on the axis count as stable.
 
     Parameters
     ----------
     process : Process
-        Any process; its integrators do not count.
+        Any process. Integrators are ignored.
     w : ndarray, shape (n,)
         In rad per time unit.
 
@@ -134,7 +136,7 @@ def turned_phase(process: Process, w: Array) -> Array:
     for sign, factors in ((1, roots(process.num)), (-1, roots(process.den))):
         away = factors[factors != 0]
         away = np.where(away.real == 0, away - 1e-9 * np.abs(away), away)
-        # each factor stays in one half-plane, so its angle is continuous
+        # Each factor stays in one half-plane, so its angle is continuous.
         total = total + sign * np.angle(1 - 1j * w[:, None] / away).sum(axis=1)
     return np.asarray(total)
 
@@ -258,7 +260,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
             f"process has no second-order model: damping^2 must be at least 0, found {square:.4g}"
         )
     tau, damping = b**0.25, math.sqrt(square)
-    lag = math.atan2(2 * damping * tau, 1 - tau**2)  # of the phase, at wu
+    lag = math.atan2(2 * damping * tau, 1 - tau**2)  # phase lag at wu
     return SecondOrderModel(process.gain(), tau / wu, damping, (math.pi - lag) / wu, wu)
 
 

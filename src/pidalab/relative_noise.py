@@ -1,8 +1,8 @@
-r"""Noise in units of the plant: one number for one loop, whatever the units of y, u and time.
+r"""Noise gain in units of the plant, which does not depend on the units of y, u and time.
 
-The *noise gain* of a loop is the standard deviation of u per unit of that of white measurement noise, held over a
-sample time h. It has the unit of u over that of y, and it depends on h. The plant gives both a scale: h is a hundredth
-of its ultimate period, and the *relative noise gain* is the noise gain over its ultimate gain. A proportional
+The *noise gain* of a loop is the standard deviation of u over that of white measurement noise, held for a sample time
+h. Its unit is that of u over that of y, and it depends on h. The plant provides scales for both: h is a hundredth of
+its ultimate period, and the *relative noise gain* is the noise gain divided by its ultimate gain. A proportional
 controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
 """
 
@@ -20,7 +20,7 @@ from pidalab.reduction import ultimate_frequency
 from pidalab.roots import roots
 from pidalab.simulation.sampled import noise_gain
 
-SAMPLES = 100  # of the noise in an ultimate period
+SAMPLES = 100  # samples of the noise in an ultimate period
 
 
 class NoiseScale(NamedTuple):
@@ -39,17 +39,17 @@ class NoiseScale(NamedTuple):
 
     @property
     def period(self) -> float:
-        """Ultimate period of the plant, or what takes its place: 100 sample times."""
+        """Ultimate period of the plant, or its substitute: 100 sample times."""
         return SAMPLES * self.sample_time
 
 
 def noise_scale(process: Process) -> NoiseScale:
     r"""Return the sample time of noise and the unit of the noise gain for a plant.
 
-    With the ultimate frequency :math:`\omega_u`, at which the phase of the plant falls below that at rest by 180°, the
-    period is :math:`T = 2\pi/\omega_u` and the gain is :math:`1/|P(j\omega_u)|`. A plant without ultimate frequency,
-    such as two lags without dead time, or an unstable plant, takes the sum of its time constants and its dead time for
-    T, and :math:`1/|P(0)|` for the gain; with k integrators, where :math:`P \to K/s^k` at rest, the gain is
+    At the ultimate frequency :math:`\omega_u` the phase of the plant is 180° below that at zero frequency. The period
+    is :math:`T = 2\pi/\omega_u` and the gain is :math:`1/|P(j\omega_u)|`. For an unstable plant, and one without
+    ultimate frequency, such as two lags without dead time, T is the sum of the time constants and the dead time, and
+    the gain is :math:`1/|P(0)|`. With k integrators, :math:`P \to K/s^k` at low frequency, the gain is
     :math:`1/(|K|\,T^k)`. The time constant of a pole p is :math:`1/|p|`.
 
     Parameters
@@ -65,7 +65,7 @@ def noise_scale(process: Process) -> NoiseScale:
     Raises
     ------
     TypeError, ValueError
-        For something else than a Process, for a static gain of 0, and for a plant without any time constant or dead
+        For an argument that is not a Process, for a static gain of 0, and for a plant without time constant and dead
         time, such as 1/s.
 
     Examples
@@ -96,18 +96,18 @@ def _without_ultimate_period(process: Process) -> NoiseScale:
 
 
 def relative_noise_gain(loop: Loop) -> float:
-    """Return the noise gain of a loop in units of its plant: without dimension, the same in any units.
+    """Return the noise gain of a loop in units of its plant, a dimensionless number.
 
     Parameters
     ----------
     loop : Loop
-        The loop, stable, with a continuous controller.
+        A stable loop with a continuous controller.
 
     Returns
     -------
     float
-        `pidalab.noise_gain` with the sample time of `noise_scale`, over the gain of `noise_scale`. If the filter of the
-        controller is faster than the sample, the controller is discretised by backward differences.
+        `pidalab.noise_gain` with the sample time of `noise_scale`, divided by the gain of `noise_scale`. If the filter
+        time of the controller is below the sample time, the controller is discretised by backward differences.
 
     Raises
     ------
@@ -130,14 +130,14 @@ def relative_noise_gain(loop: Loop) -> float:
 
 
 def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:
-    """Return the noise gain of the sampled loop, or NaN, and a remark: which loop was measured, or what failed."""
+    """Return the noise gain of the sampled loop, or NaN, and a remark on the measured loop or the failure."""
     try:
         return noise_gain(loop, sample_time), ""
     except ValueError as refusal:
         reason = " ".join(str(refusal).split())
     if not isinstance(loop.controller, Controller):
         return math.nan, f"no noise gain: {reason}"
-    # a filter faster than the sample: as a PLC would run it
+    # With a filter faster than the sample, the controller runs as on a PLC.
     try:
         digital = loop.controller.discretise(sample_time, "backward", loop.output_filter)
         return noise_gain(Loop(loop.process, digital), sample_time), "noise gain of backward differences"

@@ -1,4 +1,4 @@
-"""Requirements of a design: limits of robustness and noise, kept together on their way through all searches."""
+"""Requirements of a design: limits of robustness and noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LARGEST_DISK = 2.0  # disk margin of a loop without feedback
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """Requirements of a design; None for no limit.
+    """Requirements of a design. None means no limit.
 
     Attributes
     ----------
@@ -25,11 +25,11 @@ class Requirements:
     disk : float, optional
         Smallest disk margin, between 0 and 2.
     noise_gain : float, optional
-        Largest standard deviation of u per unit of that of white measurement noise, in units of u per unit of y.
+        Largest noise gain, in units of u per unit of y.
     sample_time : float, optional
-        Sample time of that noise; with `noise_gain` only.
+        Sample time of the noise, only with `noise_gain`.
     family : tuple of Process
-        Plants that the controller may meet in place of the process.
+        Other plants that must keep `ms_worst`.
     ms_worst : float
         Largest maximum sensitivity with any of the family, above 1.
 
@@ -63,7 +63,7 @@ class Requirements:
         if self.disk is not None and checked["disk"] >= LARGEST_DISK:
             raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {self.disk:g}")
         if self.sample_time is not None and self.noise_gain is None:
-            raise ValueError("sample_time is that of a limit of noise: noise_gain is missing")
+            raise ValueError("sample_time needs noise_gain, whose sample time it is, found noise_gain=None")
         for k, plant in enumerate(self.family):
             require_no_zero_at_origin(f"family[{k}]", plant)
         for name, value in {**checked, "family": tuple(self.family)}.items():
@@ -75,14 +75,14 @@ class Requirements:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def peaks(self, slack: float = 0.0) -> dict[str, float]:
-        """Return the largest values over all frequencies, less a share: see `pidalab.optimal.problem.PEAKS`."""
+        """Return the limits over all frequencies, less a share, by the names of `pidalab.optimal.problem.PEAKS`."""
         limits = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
         if self.disk is not None:
             limits["inverse_disk"] = 1 / self.disk
         return {name: value * (1 - slack) for name, value in limits.items()}
 
     def reached(self, values: dict[str, float], share: float) -> list[str]:
-        """Return the names of the limits that values come up to within a share."""
+        """Return the names of the limits that values reach within a share."""
         over = {name: values[name] / limit for name, limit in self.limits().items()}
         return [name for name, x in over.items() if (x <= 1 + share if name == "disk" else x >= 1 - share)]
 

@@ -1,4 +1,4 @@
-"""What a loop did, and the measures by which it is judged."""
+"""Response of a loop and its measures of performance."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-ARRIVED_SHARE = 0.1  # of the final value: allowed at the end of a record whose overshoot is read
+ARRIVED_SHARE = (
+    0.1  # largest distance from the final value, as a share of it, at the end of a record with overshoot
+)
 
 
 class Response(Signals):
     r"""Sampled signals of one experiment on a loop, simulated or recorded.
 
-    Between samples `r`, `d` and `n` are held, and the control error is taken as the parabola through its two end values
-    with the exact area (`area`). So IE is exact, and IAE, ISE and ITAE resolve sign changes inside a sample.
+    Between samples `r`, `d` and `n` are held, and the control error is the parabola through its two end values with the
+    exact area (`area`). So IE is exact, and IAE, ISE and ITAE take account of sign changes inside a sample.
 
-    The samples may be too far apart for a measure. A response from `simulate` knows its loop: each measure of it is
-    computed on finer grids until it changes by less than 2e-4 of itself, and warns where that takes too many points. Of
-    a record with given `area` the measures of y and e warn where every second sample gives another value, by more than
-    three times 1e-3 of it. A difference counts against the measure, or against 1 % for overshoot and undershoot and
-    against the total variation for `tv1`. Records with noise, records without `area`, and u of records that no engine
-    made are measured as they are. There a step of a thirtieth of the shortest time constant usually keeps the error
-    below 1e-3.
+    The samples may be too coarse for a measure. The measures of a response from `simulate` are therefore computed on
+    finer grids until they change by less than 2e-4, and warn if that needs too many points. The measures of y and e of
+    a record with a given `area` warn if using only every second sample changes them by more than three times 1e-3. The
+    change is relative to the measure, or to 1 % for overshoot and undershoot, or to the total variation for `tv1`.
+    Records with noise, records without `area`, and u of records that were not simulated are measured as they are. For
+    them a step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -38,11 +39,11 @@ class Response(Signals):
     y, u : ndarray, shape (k,)
         Process output and control signal; at a jump the value just after it.
     area : ndarray, shape (k,), optional
-        Running integral of y from t = 0. The exact engine delivers it; for other records the trapezoidal rule does.
+        Running integral of y from t = 0, by default by the trapezoidal rule. The exact engine provides it.
     held : ndarray, shape (k,), optional
-        The part of y that is held between samples, such as noise in a measured record; default 0.
+        The part of y that is held between samples, such as noise in a measured record. By default 0.
     final : float, optional
-        The value that y approaches, where it is not the final set point: `open_loop_step` of a stable process knows it.
+        The value that y approaches, by default the final set point. `open_loop_step` of a stable process sets it.
 
     Raises
     ------
@@ -52,7 +53,7 @@ class Response(Signals):
     Warns
     -----
     RuntimeWarning
-        By its measures, with the size of the doubt, where the samples are too far apart.
+        From a measure for which the samples are too coarse, with an estimate of its error.
 
     Examples
     --------
@@ -65,13 +66,13 @@ class Response(Signals):
     """
 
     def ie(self, horizon: float | None = None) -> float:
-        r"""Integral of the control error, :math:`\int e\,dt`.
+        r"""Return the integral of the control error, :math:`\int e\,dt`.
 
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` demands a record that has settled
-            (:math:`|e|` below 1e-6 of its maximum over the last tenth) and raises otherwise.
+            Upper limit, by default the end of the record. ``math.inf`` needs a record that has settled (:math:`|e|`
+            below 1e-6 of its maximum over the last tenth).
 
         Returns
         -------
@@ -95,7 +96,7 @@ class Response(Signals):
         )
 
     def iae(self, horizon: float | None = None) -> float:
-        r"""Integral of the absolute control error, :math:`\int |e|\,dt`.
+        r"""Return the integral of the absolute control error, :math:`\int |e|\,dt`.
 
         Parameters
         ----------
@@ -122,15 +123,15 @@ class Response(Signals):
         return self._settle("iae", lambda record: record._absolute(horizon, 1.0, 0.0))
 
     def itae(self, horizon: float | None = None, origin: float = 0.0) -> float:
-        r"""Integral of time-weighted absolute error, :math:`\int (t - t_0)\,|e|\,dt`.
+        r"""Return the integral of the time-weighted absolute error, :math:`\int (t - t_0)\,|e|\,dt`.
 
         Parameters
         ----------
         horizon : float, optional
             Upper limit, by default the end of the record; ``math.inf`` demands a settled record.
         origin : float, optional
-            Time t_0 at which the weight is zero; not after the start of the record. A step applied at time 1 of a clock
-            that counts from 0 is a record with ``origin=-1``.
+            Time t_0 at which the weight is zero, not after the start of the record. If a step acts at time 1 and the
+            weight begins at 0, use ``origin=-1``.
 
         Returns
         -------
@@ -159,7 +160,7 @@ class Response(Signals):
         """Integrate |e| times the weight base + slope t."""
 
         def areas_until(curve: Curve, s: Array) -> tuple[Array, Array]:
-            """Integrate e, and s e where it counts, from 0 to s."""
+            """Integrate e and, if it has a weight, s e, from 0 to s."""
             c0, c1, c2 = curve
             plain = s * (c0 + s * (c1 / 2 + s * (c2 / 3)))
             return plain, s * s * (c0 / 2 + s * (c1 / 3 + s * (c2 / 4))) if slope else np.zeros_like(plain)
@@ -170,19 +171,19 @@ class Response(Signals):
         total = 0.0
         for curve, end, start in self._pieces(horizon):
             areas = weighted(*areas_until(curve, end), start)
-            # where e can change its sign, the integral is cut at its zeros
+            # Where e can change its sign, the integral is split at the zeros.
             few = np.flatnonzero(np.abs(curve[0]) <= np.abs(curve[1]) + np.abs(curve[2]))
             if few.size:
                 c0, c1, c2 = (c[few] for c in curve)
                 cuts = np.vstack([np.zeros(few.size), end[few], quadratic_roots(c0, c1, c2)])
                 cuts = np.sort(np.clip(cuts, 0.0, end[few]), axis=0)
-                steps = (np.diff(part, axis=0) for part in areas_until((c0, c1, c2), cuts))
-                areas[few] = weighted(*steps, start[few]).sum(axis=0)
+                plain, rising = (np.diff(part, axis=0) for part in areas_until((c0, c1, c2), cuts))
+                areas[few] = weighted(plain, rising, start[few]).sum(axis=0)
             total += self.step * np.sum(areas)
         return float(total)
 
     def ise(self, horizon: float | None = None) -> float:
-        r"""Integral of the squared control error, :math:`\int e^2\,dt`.
+        r"""Return the integral of the squared control error, :math:`\int e^2\,dt`.
 
         Parameters
         ----------
@@ -209,16 +210,16 @@ class Response(Signals):
         return self._settle("ise", lambda record: record._integral_of_square(horizon))
 
     def tv(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
-        r"""Total variation :math:`\sum |x_{i+1} - x_i|`, the jump at t = 0 included.
+        r"""Return the total variation :math:`\sum |x_{i+1} - x_i|`, including the jump at t = 0.
 
         Parameters
         ----------
         signal : {"u", "y"}
             Which signal.
         horizon : float, optional
-            Time up to which it is summed, as for `iae`; by default the end of the record.
+            End of the sum, as for `iae`. By default the end of the record.
         final : float, optional
-            Value that the signal approaches after the horizon; the way there is added if it is given.
+            Value that the signal approaches after the horizon. The change to it is added.
 
         Returns
         -------
@@ -240,24 +241,24 @@ class Response(Signals):
         return self._variation("tv", signal, horizon, final, lambda path: 0.0)
 
     def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
-        r"""Excess over one pulse, :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` (huba2024, eq. (24)).
+        r"""Return the excess :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` over a pulse (huba2024, eq. (24)).
 
-        Zero for a signal made of two monotonic intervals, as an ideal control signal is; :math:`x_m` is the extreme
-        farthest from the line between start and end.
+        It is zero for two monotonic intervals, as of an ideal control signal. :math:`x_m` is the extreme farthest
+        from the line between start and end.
 
         Parameters
         ----------
         signal : {"u", "y"}
             Which signal.
         horizon : float, optional
-            Time up to which it is summed; by default the end of the record.
+            End of the sum. By default the end of the record.
         final : float, optional
             Value :math:`x_\infty` that the signal approaches, by default the last sample.
 
         Returns
         -------
         float
-            Excess total variation, in units of the signal; not negative but for rounding.
+            Excess total variation, in units of the signal, not negative except for rounding.
 
         Raises
         ------
@@ -304,13 +305,13 @@ class Response(Signals):
             self._require_bounded(signal, getattr(self, signal))
 
     def _path(self, signal: str, horizon: float | None = None, final: float | None = None) -> Array:
-        """Return the samples of a signal up to a time, between its value at rest and the one it approaches."""
+        """Return the samples of a signal up to a time, with its value at rest before and its final value after them."""
         last = [] if final is None else [_check.real("final", final)]
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
         return np.concatenate([[0.0], getattr(self, signal)[within], last])
 
     def _final(self, final: float | None, measure: str) -> float:
-        """Return the value that a step response is measured by: the final set point, unless another is given."""
+        """Return the value to which a step response is compared, by default the final set point."""
         final = self.final if final is None else final
         target = float(self.r[-1]) if final is None else _check.real("final", final)
         self._require_bounded("y", self.y, measure)
@@ -321,7 +322,7 @@ class Response(Signals):
         return target
 
     def overshoot(self, final: float | None = None) -> float:
-        """Overshoot of y over its final value, in per cent of it; 0 if there is none.
+        """Return the overshoot of y over its final value, in per cent of it, 0 if there is none.
 
         Parameters
         ----------
@@ -331,7 +332,7 @@ class Response(Signals):
         Returns
         -------
         float
-            Per cent; extremes between samples are resolved.
+            Per cent, also for extremes between samples.
 
         Raises
         ------
@@ -353,13 +354,13 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # the exact area shows most of it
+            # The exact area shows most of an extreme between samples.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
 
     def peak_time(self, final: float | None = None) -> float:
-        """Time at which y is farthest beyond its final value; the extreme is resolved between samples.
+        """Return the time at which y is farthest beyond its final value, also between samples.
 
         Parameters
         ----------
@@ -389,7 +390,7 @@ class Response(Signals):
         return self._settle("peak_time", lambda record: record._top(target)[0])
 
     def _passed_peak(self, final: float | None, measure: str) -> float:
-        """Return the final value, or raise for a record that ends before its peak."""
+        """Return the final value. Raise for a record that ends before its peak."""
         target = self._final(final, measure)
         time, share = self._top(target)
         missing = abs(1 - float(self.y[-1]) / target)
@@ -412,7 +413,7 @@ class Response(Signals):
         return float(start[where[1]] + self.step * places[where]), float(shares[where])
 
     def undershoot(self, final: float | None = None) -> float:
-        """How far y moves from rest to the wrong side, in per cent of its final value; a jump at t = 0 counts.
+        """Return by how much y moves away from its final value, a jump at t = 0 included, in per cent of it.
 
         Parameters
         ----------
@@ -422,7 +423,7 @@ class Response(Signals):
         Returns
         -------
         float
-            Per cent, over the samples; 0 if y never moves away from its final value.
+            Per cent, at the samples. 0 if y never moves away from its final value.
 
         Raises
         ------
@@ -447,7 +448,7 @@ class Response(Signals):
         return self._settle("undershoot", share, missed=missed, least=1.0)
 
     def saturated(self, limits: tuple[float, float], start: float = 0.0, stop: float | None = None) -> float:
-        """Time that the control signal spends at a limit.
+        """Return the time that the control signal is at a limit.
 
         Parameters
         ----------
@@ -478,14 +479,14 @@ class Response(Signals):
         return float(self.step * np.count_nonzero((u <= low) | (u >= high)))
 
     def peak(self, signal: str = "y", horizon: float | None = None) -> float:
-        """Value of a signal where it is farthest from 0, over the samples.
+        """Return the sample of a signal that is farthest from 0.
 
         Parameters
         ----------
         signal : {"u", "y"}
             Which signal.
         horizon : float, optional
-            Time up to which it is looked for; by default the end of the record, which must not diverge.
+            End of the search. By default the end of the record, which must not diverge.
 
         Returns
         -------
@@ -516,10 +517,10 @@ class Response(Signals):
         return self._settle("peak", extreme, signal, missed)
 
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
-        """Time y needs from a low to a high share of its final value, first passage of each.
+        """Return the time between the first passages of a low and a high share of the final value.
 
         A share that y has at t = 0 is passed at 0. So a record that starts above the high share, such as one of a set
-        point that goes down towards 0, has a rise time of 0.
+        point that decreases towards 0, has a rise time of 0.
 
         Parameters
         ----------
@@ -566,15 +567,15 @@ class Response(Signals):
         return float(np.interp(level, share[i - 1 : i + 1], self.t[i - 1 : i + 1])) if i else 0.0
 
     def settling_time(self, band: float = 0.02, final: float | None = None) -> float:
-        """Time after which the error stays within a band, and does so at least over the last tenth of the record.
+        """Return the time after which the error stays within a band.
 
         Parameters
         ----------
         band : float, optional
-            Half width, as a share of the final set point, or of the largest error where the set point ends at 0;
-            between 0 and 1 (0.02 for 2 %).
+            Half width between 0 and 1 (0.02 for 2 %), as a share of the final set point, or of the largest error if the
+            set point ends at 0.
         final : float, optional
-            The final value in place of the set point, such as the static gain for the step response of a process.
+            Final value instead of the set point, such as the static gain for the step response of a process.
 
         Returns
         -------
@@ -627,23 +628,23 @@ def _variation(path: Array) -> float:
 
 
 def _missed_top(size: Array, path: Array) -> float:
-    """Estimate how far the largest of some sizes of a path lies below that between the samples."""
+    """Estimate by how much the largest size of a path between samples exceeds the largest sample."""
     return float(np.max(size + _missed(path)) - np.max(size))
 
 
 def _missed(path: Array) -> Array:
-    """Estimate how far a signal goes beyond each of its local extremes between the samples, 0 at other samples.
+    """Estimate by how much a signal between samples exceeds each of its local extremes, 0 at other samples.
 
-    A smooth signal, one with a corner and one that jumps between two samples stay within the line through the two
-    samples before the extreme, or after it. A smooth one goes an eighth as far, a corner half as far in the mean: a
-    quarter is returned. A step much larger than its neighbour is a jump and not a slope.
+    The signal stays within the extrapolation of the two samples before the extreme, or after it, if it is smooth, has a
+    corner or jumps between two samples. A smooth signal uses an eighth of that, a corner half of it in the mean, and a
+    quarter is returned. A step that is much larger than its neighbour counts as a jump.
     """
     rises = np.diff(path)
-    steps = np.pad(np.abs(rises), 2)  # two before and two after every sample
+    steps = np.pad(np.abs(rises), 2)  # Each sample has two steps before and two after it.
     before = np.minimum(steps[1:-2], 3 * steps[:-3])
     after = np.minimum(steps[2:-1], 3 * steps[3:])
     turns = np.zeros(path.size, dtype=bool)
     turns[1:-1] = rises[:-1] * rises[1:] < 0.0
     turns[1:-2] |= (rises[1:-1] == 0.0) & (rises[:-2] * rises[2:] < 0.0)
-    turns[1] = False  # the jump from rest to the first sample is exact
+    turns[1] = False  # The jump from rest to the first sample is exact.
     return np.where(turns, 0.25 * np.maximum(before, after), 0.0)

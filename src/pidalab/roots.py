@@ -1,9 +1,9 @@
-r"""Roots of a polynomial from its coefficients, multiple ones as such.
+r"""Roots of a polynomial from its coefficients, with multiple roots detected.
 
-The eigenvalues of a companion matrix scatter an n-fold root over a circle: 30 equal lags come out with time constants
-that differ by a factor of two. So roots that lie near each other are tried as one root of that multiplicity, brought to
-full precision by Gauss-Newton steps on the coefficients, and taken if their product agrees with the coefficients as
-well as the scattered ones do.
+The eigenvalues of a companion matrix scatter an n-fold root over a circle. The time constants of 30 equal lags, for
+example, differ by a factor of two. So neighbouring roots are tried as one multiple root and refined by Gauss-Newton
+steps on the coefficients. The multiple root is accepted if its product agrees with the coefficients as well as that of
+the scattered ones does.
 """
 
 from __future__ import annotations
@@ -17,25 +17,32 @@ from numpy.typing import ArrayLike
 
 from pidalab._check import Array
 
-RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)  # distances, relative to the modulus, of roots tried as one
-# difference of the coefficients, relative to their size and by degree, that is as good as none
+RADII = (
+    1e-6,
+    1e-3,
+    0.02,
+    0.1,
+    0.3,
+    0.6,
+)  # roots within such a relative distance are tried as one multiple root
+# Such a difference of the coefficients, relative to their size and per degree, is rounding.
 SAME_COEFFICIENTS = 1e-14
-ALLOWED = 1e-10  # difference beyond which roots do not represent their polynomial
-TRUSTED_DEGREE = 8  # degree up to which eigenvalues of a companion matrix are trusted
-MULTIPLE_BEYOND = 40  # degree beyond which most roots have to be multiple ones
-HIGHEST_DEGREE = 400  # degree beyond which none are looked for
-ON_AXIS = 1e-13  # real part, relative to the modulus, that is rounding
+ALLOWED = 1e-10  # largest difference for which roots represent their polynomial
+TRUSTED_DEGREE = 8  # highest degree for which eigenvalues of a companion matrix are accepted at once
+MULTIPLE_BEYOND = 40  # above this degree most roots have to be multiple
+HIGHEST_DEGREE = 400
+ON_AXIS = 1e-13  # a smaller relative real part is rounding
 
 
 def roots(polynomial: ArrayLike) -> Any:
-    """Roots of a real polynomial in descending powers, by modulus; complex pairs side by side, the upper one first.
+    """Return the roots of a real polynomial in descending powers, by modulus, the upper one of a pair first.
 
-    Leading zeros do not count.
+    Leading zeros are ignored.
 
     Raises
     ------
     ValueError
-        Where no roots are found whose product is the polynomial to ten digits.
+        If no roots are found whose product equals the polynomial to ten digits.
     """
     coefficients = np.asarray(polynomial, dtype=float)
     if not (coefficients.size and coefficients[0]):
@@ -54,15 +61,15 @@ def _roots(raw: bytes) -> Any:
 
 
 def _of_nonzero(coefficients: Array) -> Any:
-    """Roots of a polynomial whose last coefficient is not 0."""
+    """Return the roots of a polynomial whose last coefficient is not 0."""
     degree = coefficients.size - 1
     if degree < 1:
         return np.zeros(0, dtype=complex)
     if degree > HIGHEST_DEGREE:
-        raise ValueError(f"a polynomial of degree {degree} is too long: at most {HIGHEST_DEGREE} are allowed")
+        raise ValueError(f"the degree of a polynomial must be at most {HIGHEST_DEGREE}, found {degree}")
     with np.errstate(all="ignore"):
         monic = coefficients / coefficients[0]
-        # unit of s, a power of 2, in which first and last coefficient are about equal
+        # In this unit of s, a power of 2, first and last coefficient are about equal.
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
@@ -70,14 +77,14 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
-    # the second coefficient is the sum of the roots: of equal ones it tells each without loss
+    # The second coefficient is the sum of the roots. If they are equal, it gives each without loss.
     single = np.full(1, -scaled[1] / degree, dtype=complex)
     if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= SAME_COEFFICIENTS * degree:
         return np.repeat(single, degree) * scale
     if degree == 2:
         return _in_pairs(_of_quadratic(scaled) * scale)
     scattered = np.roots(scaled)
-    # the eigenvalues of an n-fold root lie about eps^(1/n) from it: no need to look farther for its other copies
+    # The eigenvalues of an n-fold root are about eps^(1/n) away from it, which limits the search radius.
     scatter = 8 * np.finfo(float).eps ** (1 / degree)
     apart = np.abs(scattered[:, None] - scattered[None, :]) + 9.0 * np.eye(degree) * np.abs(scattered)
     if degree <= TRUSTED_DEGREE and np.min(apart / np.abs(scattered)) > scatter:
@@ -92,7 +99,9 @@ def _of_nonzero(coefficients: Array) -> Any:
             if off <= max(least, SAME_COEFFICIENTS * degree):
                 best, least = np.repeat(merged, times.astype(int)), off
     if degree > MULTIPLE_BEYOND and np.unique(best).size > degree // 2:
-        least = 1.0  # the product may be near, and yet a response made of them is lost in rounding
+        least = (
+            1.0  # the product may be close, but a response computed from such roots would be lost in rounding
+        )
     if not least <= ALLOWED:
         raise ValueError(
             f"the roots of a polynomial of degree {degree} are lost in rounding: their product differs from it by "
@@ -102,7 +111,7 @@ def _of_nonzero(coefficients: Array) -> Any:
 
 
 def _of_quadratic(scaled: Array) -> Any:
-    """Roots of s^2 + b s + c, without taking a difference of nearly equal numbers."""
+    """Return the roots of s^2 + b s + c, without cancellation."""
     half, inside = -0.5 * scaled[1], 0.25 * scaled[1] ** 2 - scaled[2]
     if inside < 0:
         return np.array([complex(half, np.sqrt(-inside)), complex(half, -np.sqrt(-inside))])
@@ -111,7 +120,7 @@ def _of_quadratic(scaled: Array) -> Any:
 
 
 def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
-    """Largest difference of the product's coefficients, relative to their size."""
+    """Return the largest difference of the product's coefficients, relative to their size."""
     product = np.ones(1, dtype=complex)
     for root, multiplicity in zip(values, times, strict=True):
         for _ in range(int(multiplicity)):
@@ -120,9 +129,9 @@ def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
 
 
 def _sizes(scaled: Array) -> Array:
-    """Sizes of the coefficients where none vanishes by chance: the lowest concave curve above their logarithms."""
-    # the Newton polygon: its slopes are the sizes of the roots, so that it bounds each coefficient even where terms of
-    # opposite sign leave nothing of it; a difference relative to that rest would mean nothing
+    """Return typical sizes of the coefficients, the lowest concave curve above their logarithms."""
+    # This is the Newton polygon, whose slopes are the sizes of the roots. A coefficient may be much smaller if its
+    # terms cancel, and a difference relative to it would be meaningless.
     k = np.flatnonzero(scaled)
     corners: list[tuple[int, float]] = []
     for point in zip(k.tolist(), np.log(np.abs(scaled[k])).tolist(), strict=True):
@@ -138,7 +147,7 @@ def _below(first: tuple[int, float], middle: tuple[int, float], last: tuple[int,
 
 
 def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
-    """Join roots that are linked by distances below radius, keeping pairs conjugate: means and multiplicities."""
+    """Join roots whose distances are below a radius, with pairs conjugate. Return means and multiplicities."""
     is_near = np.abs(scattered[:, None] - scattered[None, :]) <= radius * np.abs(scattered)[:, None]
     reach = is_near | is_near.T
     for _ in range(int(np.ceil(np.log2(scattered.size))) + 1):
@@ -151,10 +160,10 @@ def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
 
 
 def _polished(scaled: Array, values: Any, times: Array, size: Array) -> tuple[Any, float]:
-    """Gauss-Newton steps that bring multiple roots to the coefficients, and how far off these are then."""
+    """Refine multiple roots by Gauss-Newton steps on the coefficients. Return them and the remaining difference."""
     real, best, least = values.imag == 0, values, _difference(scaled, values, times, size)
     weight = 1 / size[1:]
-    # a multiple root is well determined once its multiplicity is: it is only its single copies that scatter
+    # With a given multiplicity a multiple root is well conditioned. Only its single copies scatter.
     for _ in range(8):
         if least <= SAME_COEFFICIENTS * scaled.size:
             break
@@ -183,23 +192,23 @@ def _in_pairs(values: Any) -> Any:
 
 
 def quadratic_roots(c0: Array, c1: Array, c2: Array) -> Array:
-    """Return both roots of c0 + c1 s + c2 s^2, 0 where there is none, without cancellation."""
+    """Return both roots of c0 + c1 s + c2 s^2, without cancellation, with 0 for a missing root."""
     with np.errstate(all="ignore"):
         q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
         return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def border(holds: Callable[[float], bool], inside: float, outside: float, share: float = 1e-7) -> float:
-    """Bisect between a value where a property holds and one where it does not.
+    """Find by bisection the border between a value where a property holds and one where it does not.
 
     Parameters
     ----------
     holds : callable
         The property.
     inside, outside : float
-        Where it holds, and where it does not, in any order.
+        Value where it holds, and value where it does not.
     share : float, optional
-        How near the two must come, as a share of the larger one.
+        Final distance of the two values, relative to the larger one.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Records of experiments on a loop, which know how far their samples can be trusted."""
+"""Records of experiments on a loop, with checks of their resolution."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from pidalab import _check
 from pidalab._check import Array
 
 Curve = tuple[Array, Array, Array]
-REFINEMENT = 4  # steps that take the place of one on the next finer grid
-SETTLED_SHARE = 1e-6  # of the largest error: allowed in the last tenth of a settled record
+REFINEMENT = 4  # ratio of the steps of a grid and the next finer one
+SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, relative to the largest of all
 BLOCK = 8192  # sample intervals whose integrals are computed at once
-FEWEST_JUDGED = 20  # samples of a movement that show whether it diverges
-FINEST_GRID = 150_000  # of a finer grid
+FEWEST_JUDGED = 20  # number of samples of a movement that is tested for divergence
+FINEST_GRID = 150_000
 INTEGRALS = ("iae", "ise", "itae")
-SAME_SHARE = 2e-4  # difference of a measure on two grids that counts as none
-DOUBT_SHARE = 1e-3  # doubt beyond which a measure warns
+SAME_SHARE = 2e-4  # relative difference below which a measure is the same on two grids
+DOUBT_SHARE = 1e-3  # estimated relative error above which a measure warns
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Signals of one experiment, what is done to them, and how far they are trusted: see `pidalab.Response`."""
+    """Signals of one experiment, with operations and checks of their resolution (see `pidalab.Response`)."""
 
     t: Array
     r: Array
@@ -65,14 +65,14 @@ class Signals:
         speed: Callable[[], float] | None,
         **signals: Array,
     ) -> Self:
-        """Make a record of checked arrays: all fields but `held` and `final`."""
+        """Make a record of checked arrays, all fields except `held` and `final`."""
         response = cls.__new__(cls)
         held = np.broadcast_to(0.0, signals["t"].size)
         vars(response).update(signals, held=held, final=None, _finer=finer, _speed=speed, _exact=True)
         return response
 
     def _derived(self, finer: Callable[[], Self] | None, **changes: Any) -> Self:
-        """Return a record with other fields that knows as much about its grid."""
+        """Return a record with other fields and the same knowledge of its grid."""
         response = replace(self, **changes)
         vars(response).update(_finer=self._finer and finer, _speed=self._speed, _exact=self._exact)
         return response
@@ -85,7 +85,7 @@ class Signals:
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return the record at every second time, None where held signals change in between."""
+        """Return the record at every second time, or None if held signals change in between."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
@@ -103,28 +103,27 @@ class Signals:
         missed: Callable[[Any], float] | None = None,
         least: float = 0.0,
     ) -> float:
-        """Return a measure that a finer grid does not change, or warn with the size of the doubt.
+        """Return a measure that a finer grid does not change, or warn with an estimate of its error.
 
         Parameters
         ----------
         name : str
-            Of the measure, for the warning.
+            Name of the measure, for the warning.
         measure : callable
-            Computes the measure of a record, without complaints about it.
+            Computes the measure of a record without warnings.
         signal : {"y", "u"}
-            What is measured.
+            Signal that is measured.
         missed : callable, optional
-            Bounds what the samples of a record miss of a measure of extremes.
+            Bounds by how much the samples of a record underestimate extremes.
         least : float, optional
-            Size beside which a difference counts where the value is smaller.
+            Size to which a difference is relative if the value is smaller.
 
         Notes
         -----
-        Grids are compared in succession: every second sample, the samples, and finer ones. One agreement ends this
-        where the samples see the fastest pole, for an integral and for extremes that miss little. Otherwise two do, and
-        three for a time, since grids can share the sample that counts. Where no finer grid is needed nothing is
-        simulated. The value of the record itself stands if the first finer one agrees: a measure of a fine grid is that
-        of its samples.
+        Grids are compared in succession: every second sample, all samples, and finer grids. If the samples resolve the
+        fastest pole, one agreement is enough for integrals and for extremes with a small bound. Otherwise two
+        agreements are needed, and three for a time, since grids can share the decisive sample. Nothing is simulated if
+        no finer grid is needed. If the first finer grid agrees, the value of the record itself is returned.
         """
         value = measure(self)
         if self._finer is None and (not self._exact or signal == "u" or self.n.any()):
@@ -137,7 +136,7 @@ class Signals:
         doubt = math.inf if thinned is None else abs(measure(thinned) - value) / size()
         if self._finer is None:
             if thinned is not None:
-                # extremes can share a sample, so the integral of e^2 is compared, too
+                # Extremes on two grids can share a sample, so the integral of e^2 is compared, too.
                 square, other = self._integral_of_square(), thinned._integral_of_square()
                 doubt = max(doubt, abs(other - square) / max(square, 1e-300))
                 if doubt > 3 * DOUBT_SHARE:
@@ -155,11 +154,11 @@ class Signals:
                 break
             try:
                 record = record._refined()
-            except ValueError:  # the engine refuses so many times
+            except ValueError:  # The engine does not accept so many times.
                 break
             other, value = value, measure(record)
             doubt = abs(other - value) / size()
-        # the difference of the last two grids is at least three times the error of the last one
+        # The difference of the last two grids is at least three times the error of the last one.
         if (doubt := max(doubt / 3, inside / 1.2)) > DOUBT_SHARE:
             _warn(name, doubt, record)
         return value
@@ -178,12 +177,12 @@ class Signals:
         return self.r - self.y
 
     def measured(self) -> Self:
-        """Return the experiment as a recorder at the sensor sees it: y + n in place of y.
+        """Return the experiment as a recorder at the sensor measures it, with y + n in place of y.
 
         Returns
         -------
         Response
-            With y + n as its y, held as n is, and no noise left to add.
+            Response with the output y + n, held as n is, and without noise.
 
         Examples
         --------
@@ -202,18 +201,19 @@ class Signals:
         )
 
     def against(self, reference: Self) -> Self:
-        """Return the experiment with its error counted from another response, such as that of the wanted behaviour.
+        """Return the experiment with its error relative to another response, such as the wanted one.
 
         Parameters
         ----------
         reference : Response
-            At the same times. Its output takes the place of the set point: `open_loop_step` of a prefilter gives the
+            Response at the same times. Its output replaces the set point: `open_loop_step` of a prefilter gives the
             filtered set point.
 
         Returns
         -------
         Response
-            With the difference of both outputs as its y, and 0 as its set point: ``e`` is ``reference.y - y``.
+            Response whose y is the difference of both outputs and whose set point is 0, so that ``e`` is ``reference.y
+            - y``.
 
         Raises
         ------
@@ -241,10 +241,10 @@ class Signals:
         )
 
     def between(self, start: float, stop: float) -> Self:
-        """Return a stretch of the record as an experiment of its own, such as one of several set-point steps.
+        """Return a part of the record as an experiment, such as one of several set-point steps.
 
-        Time counts from `start`. Set point, load and control signal are deviations from their values just before, and
-        so is y, from the set point before: the control error stays what it is, and every measure reads as after a step
+        Time begins at `start`. Set point, load and control signal are relative to their values just before, and y is
+        relative to the set point before. So the control error does not change, and every measure is as after a step
         from rest.
 
         Parameters
@@ -255,12 +255,12 @@ class Signals:
         Returns
         -------
         Response
-            The stretch. What changes at `stop` is no longer in it.
+            The part, without changes at `stop`.
 
         Raises
         ------
         ValueError
-            For a stretch that does not lie in order in the record.
+            For times that are not in order or not in the record.
 
         Examples
         --------
@@ -277,7 +277,7 @@ class Signals:
             raise ValueError(f"start and stop must be at least a sample apart, found {start!r} and {stop!r}")
         span = slice(first, last + 1)
         before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in "rdu"} | {"n": 0.0}
-        # what is held jumps at stop: its value just before belongs to the stretch
+        # Held signals may jump at stop, where the value just before the jump belongs to the part.
         signals: dict[str, Any] = {}
         for name, level in before.items():
             held = getattr(self, name)
@@ -294,7 +294,7 @@ class Signals:
         )
 
     def _samples(self, start: float, stop: float) -> tuple[int, int]:
-        """Return the samples nearest to two times that lie in order in the record; the last one is held for a while."""
+        """Return the samples nearest to two times in the record, which must be in order."""
         start, stop = _check.real("start", start), _check.real("stop", stop)
         first, last = round(start / self.step), round(stop / self.step)
         if not 0 <= first < last <= self.t.size:
@@ -304,7 +304,7 @@ class Signals:
         return first, last
 
     def _require_integrable(self, horizon: float | None) -> float | None:
-        """Return a checked horizon, None for the end of the record, or raise if the integral does not belong to it."""
+        """Return a checked horizon, None for the end of the record. Raise if the integral to it is not determined."""
         if horizon is None:
             self._require_bounded("the error", self.e)
             return None
@@ -331,10 +331,10 @@ class Signals:
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
-        """Raise for a signal that still grows at the end of the record, which alone would decide the measure.
+        """Raise for a signal that still grows at the end of the record, since the length of the record would decide.
 
-        Growth is looked for within the last movement: since the signal first moved, and since set point and load last
-        changed, unless they change all the time. A movement of few samples has only begun and is not judged.
+        Growth is sought in the last movement, since the signal first moved and since set point and load last changed,
+        unless they change all the time. A movement of few samples is not tested.
         """
         if not self._grows(signal, 0):
             return
@@ -386,7 +386,7 @@ class Signals:
             )
 
     def _integral_of_square(self, horizon: float | None = None) -> float:
-        """Integrate the square of the error, without complaints about the record."""
+        """Integrate the square of the error without warnings."""
         total = 0.0
         for (c0, c1, c2), s, _ in self._pieces(horizon):
             square = c0**2 + s * (
@@ -397,7 +397,7 @@ class Signals:
 
 
 def apply_to_finer(record: Any, change: Callable[[Any], Any]) -> Any:
-    """Return a change of the same experiment on a finer grid."""
+    """Apply a change to the same experiment on a finer grid."""
     return change(record._refined())
 
 

@@ -1,4 +1,4 @@
-"""State-space form of a rational function, and what an input makes of it that is held, and delayed."""
+"""State-space form of a rational function, and its response to held and delayed inputs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.roots import roots
 
-# share of a sample by which a dead time may miss a multiple and still be taken as one: rounding
+# A dead time counts as a multiple of a sample if it differs by less than this share of a sample.
 ALIGNED = 1e-9
-# poles whose speeds differ by more than this factor go to different parts
+# Poles whose speeds differ by more than this factor belong to different parts.
 APART = 10.0
-# poles up to which a part is in companion form
+# A part with more poles is not in companion form.
 FEW_STATES = 12
 
 
@@ -52,7 +52,7 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
         num, lead = np.convolve(num, np.frombuffer(own_num)), lead * float(den[0])
         if den.size == 2:
             poles.append(complex(-den[1] / den[0]))
-        elif den.size > 2:  # of each by itself, as its own poles are better known
+        elif den.size > 2:  # Poles are computed for each function separately, which is more accurate.
             poles += roots(den).tolist()
     groups: list[list[complex]] = []
     for p in sorted(poles, key=abs):
@@ -72,7 +72,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
     numerator: Any
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
     if n <= FEW_STATES:
-        # in powers of x = s/unit, so that the static gain keeps its digits behind a filter much faster than a sample
+        # Powers of x = s/unit keep the digits of the static gain behind a filter that is much faster than a sample.
         q = monic([p / unit for p in own])
         M = np.eye(n, k=-1)
         M[:, -1] = [-c for c in q]
@@ -89,7 +89,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
 
 
 def monic(poles: list[complex]) -> list[float]:
-    """Return the coefficients of the polynomial of the poles, the lowest first, but for that of the highest, 1."""
+    """Return the coefficients of the polynomial of the poles, lowest first, without the leading 1."""
     q: list[complex] = []
     for p in poles:
         q = [low - p * high for low, high in zip([0.0, *q], [*q, 1.0], strict=True)]
@@ -97,16 +97,16 @@ def monic(poles: list[complex]) -> list[float]:
 
 
 def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
-    """Return num (descending powers of x) divided by all x - p, modulo q (see `monic`): the lowest power first.
+    """Return num (descending powers of x) divided by all x - p, modulo q (see `monic`), lowest power first.
 
-    In plain Python, which for so few numbers is faster than array operations.
+    For so few numbers plain Python is faster than array operations.
     """
     v: list[complex] = [0.0] * len(q)
     for coefficient in num:
         top = v[-1]
         v = [low - c * top for low, c in zip([coefficient, *v[:-1]], q, strict=True)]
     for p in poles:
-        # (x - p) w = v + top q, from the side on which rounding does not grow
+        # Solve (x - p) w = v + top q from the side from which rounding does not grow.
         above, below = 0j, 1 + 0j
         for numerator, denominator in zip(v[::-1], q[::-1], strict=True):
             above, below = above * p + numerator, below * p + denominator
@@ -130,7 +130,7 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
 def _chain(poles: Any) -> Array:
     """Return multiplication by x, modulo the polynomial of the poles.
 
-    It acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), ...: in powers of x long polynomials lose digits.
+    It acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), ..., since long polynomials lose digits in powers of x.
     """
     M = np.diag(poles.real) + np.eye(poles.size, k=-1)
     for i in np.flatnonzero(poles.imag > 0):
@@ -140,7 +140,8 @@ def _chain(poles: Any) -> Array:
 
 def numerator(part: Part) -> Any:
     """Return the numerator of a part over the monic polynomial of its poles, in descending powers."""
-    before, now, total = np.zeros(1), np.ones(1), np.zeros(1)  # the polynomials of the states
+    # `now` is the polynomial of a state, `before` that of the previous one.
+    before, now, total = np.zeros(1), np.ones(1), np.zeros(1)
     for i in range(part.b.size):
         total = np.polyadd(total, part.b[i] * now)
         if i + 1 < part.b.size:
@@ -152,7 +153,7 @@ def numerator(part: Part) -> Any:
 
 
 def _side_by_side(parts: Sequence[Part], moves: Sequence[tuple[Array, Array]], direct: float) -> StateSpace:
-    """Put parts together, with how the states of each move by themselves and with the input."""
+    """Assemble parts in parallel, each with its state matrix and its input vector."""
     A = np.zeros((sum(part.b.size for part in parts),) * 2)
     at = 0
     for block, _ in moves:
@@ -175,15 +176,15 @@ def discretise(num: Array, den: Array, h: float) -> StateSpace:
 
 
 class Piece(NamedTuple):
-    """A part of a sample interval in which a held, delayed input is constant."""
+    """Part of a sample interval in which a held, delayed input is constant."""
 
     time: float
-    lag_samples: int  # how many samples ago the input was set
-    offset: float  # how long after a pulse it begins
+    lag_samples: int  # number of samples since the input was set
+    offset: float  # time from the beginning of a pulse to that of the piece
 
 
 def pieces(delay: float, h: float) -> list[Piece]:
-    """Return the one or two pieces of a sample: until the odd part of the dead time is over, an older input acts."""
+    """Return the one or two pieces of a sample. The older input acts during the fractional part of the dead time."""
     samples = delay / h
     samples_passed = math.floor(samples + ALIGNED)
     part = h * (samples - samples_passed)
@@ -199,11 +200,11 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     n = b.size
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = A, b
-    # rows of a fast and a slow pole differ by powers of ten: unbalanced, the exponential would keep the large ones only
+    # Rows of a fast and a slow pole differ by powers of ten, so the exponential would lose the small ones unbalanced.
     balanced, (scale, _) = matrix_balance(augmented, permute=False, separate=True)
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # Of a fast filter only the static gain is left after a while, and this form of it keeps its digits.
+        # After a while only the static gain of a fast filter remains, and this form keeps its digits.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

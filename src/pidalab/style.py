@@ -1,4 +1,4 @@
-"""What figures look like: a colour and a dash for each kind of controller, and sizes that can be read on a phone."""
+"""Style of figures: a colour and a dash for each kind of controller, and sizes that are legible on a phone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-GREY = "#808080"  # of limits, set points and records
+GREY = "#808080"  # for limits, set points and records
 LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab/lab.css
     "PIDA": {"color": "#1f5fa8", "linestyle": "-"},
     "m = 3": {"color": "#2a8f5b", "linestyle": (0, (6, 1.5))},
@@ -18,9 +18,9 @@ LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
     "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
-# of a second design of a kind, the first that is free
+# Looks for further designs of a kind, of which the first free one is used.
 OTHERS = ("m = 3", "m = 4", "other", "PID", "PI", "PIDA")
-SETTLED = {  # looks of controllers and of ways to meet a limit that appear on several pages
+SETTLED = {  # Looks of controllers and anti-windup methods that appear on several pages.
     "PPM-PIDA": "m = 3",
     "PIDA$_1$": "m = 4",
     "PIDA$_2$": "other",
@@ -61,7 +61,7 @@ STYLE: dict[str, Any] = {
 
 
 def kind_of(label: str) -> str | None:
-    """Return the kind of controller that a label names; "m = 2" and "PID₄²" are those with two derivatives."""
+    """Return the kind of controller in a label. "m = 2" and "PID₄²" have two derivatives."""
     if derivative_label := re.match(r"m = ([0-4])|PID[₀-₉]([⁰¹²³⁴])", label):
         derivatives = int(derivative_label[1] or "⁰¹²³⁴".index(derivative_label[2]))
         return ("PI", "PID", "PIDA", "m = 3", "m = 4")[derivatives]
@@ -70,9 +70,9 @@ def kind_of(label: str) -> str | None:
 
 
 class BookAxes(Axes):
-    """Axes whose lines look as the kind of controller in their label does; a figure remembers who has which look.
+    """Axes whose lines have the look of the kind of controller in their label, the same in all axes of a figure.
 
-    A label without a kind takes a free look, where the figure has lines of a kind.
+    If the figure has lines of a kind, a label without a kind gets a free look.
     """
 
     name = "rectilinear"
@@ -93,7 +93,7 @@ class BookAxes(Axes):
             order = [kind for kind in (kind_of(label), *OTHERS) if kind]
             here = [line.get_color() for line in self.lines]
             free = [kind for kind in order if kind not in given.values()]
-            # where all looks are taken, those that these axes do not show yet
+            # If all looks are used in the figure, use one that these axes do not have yet.
             free += [kind for kind in order if LOOKS[kind]["color"] not in here]
             given[label] = SETTLED.get(label) or [*free, *order][0]
         return LOOKS[given[label]]

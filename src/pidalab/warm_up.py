@@ -1,6 +1,6 @@
 """Compile every kernel by using it once: ``python -m pidalab.warm_up``.
 
-A process that has spent a second in plain forms starts this in the background (`pidalab._compiled`).
+A process that has spent a second in plain forms runs this in the background (`pidalab._compiled`).
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def test_a_design_keeps_what_it_promises(process, kind, ms, sampled):
     design = answer(
         lambda: pidalab.tune(process, kind, ms=ms, **limits),
         "no stable controller",
-        "too slow to be followed",
+        "too slow to simulate",
         "nothing else limits",
         "no controller was found whose loop keeps",
     )

@@ -29,27 +29,21 @@ def slowed(controller, times):
     )
 
 
-@drawn.cases(12)
-@given(drawn.loops(), scales)
-def test_another_unit_of_time_changes_no_response_and_no_margin(loop, times):
-    other = Loop(slower(loop.process, times), slowed(loop.controller, times))
-    assert pidalab.is_stable(other) == pidalab.is_stable(loop)
+@drawn.cases(15)
+@given(drawn.loops(), scales, scales)
+def test_other_units_change_no_response_and_no_margin(loop, times, size):
+    """Time in a unit `times` shorter, and the output in a unit `size` times smaller."""
+    process, controller = slower(loop.process, times), slowed(loop.controller, times)
+    gains = (np.asarray(controller.coefficients) / size).tolist()
+    other = Loop(
+        Process(size * process.num, process.den, process.delay),
+        HighOrderPID(gains, controller.filter_time, controller.filter_order),
+    )
     first, second = pidalab.margins(loop), pidalab.margins(other)
-    for name in ("gm", "pm", "ms", "mt"):
-        assert math.isclose(getattr(first, name), getattr(second, name), rel_tol=1e-5) or not first.stable
-    t = np.linspace(0, 20 * max(loop.process.delay, 0.5), 101)
+    assert pidalab.is_stable(other) == pidalab.is_stable(loop) == first.stable == second.stable
     assume(first.stable)
+    for name, unit in (("gm", 1), ("pm", 1), ("dm", times), ("ms", 1), ("mt", 1)):
+        assert math.isclose(unit * getattr(first, name), getattr(second, name), rel_tol=1e-5)
+    t = np.linspace(0, 20 * max(loop.process.delay, 0.5), 101)
     here, there = pidalab.load_response(loop, t).y, pidalab.load_response(other, times * t).y
-    np.testing.assert_allclose(there, here, rtol=0, atol=1e-7 * max(np.abs(here).max(), 1e-9))
-
-
-@drawn.cases(12)
-@given(drawn.loops(), scales)
-def test_another_unit_of_the_output_changes_no_margin(loop, size):
-    p, c = loop.process, loop.controller
-    gains = (np.asarray(c.coefficients) / size).tolist()
-    other = Loop(Process(size * p.num, p.den, p.delay), HighOrderPID(gains, c.filter_time, c.filter_order))
-    first, second = pidalab.margins(loop), pidalab.margins(other)
-    assert first.stable == second.stable
-    for name in ("gm", "pm", "dm", "ms", "mt"):
-        assert math.isclose(getattr(first, name), getattr(second, name), rel_tol=1e-5) or not first.stable
+    np.testing.assert_allclose(there, size * here, rtol=0, atol=1e-7 * size * max(np.abs(here).max(), 1e-9))

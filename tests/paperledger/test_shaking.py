@@ -15,7 +15,7 @@ from paperledger import Row, read_rows, update, write_rows
 from paperledger.shake import Shaker, shake
 
 LIBRARY = '''
-"""A library of one rule, with the kinds of doors that there are."""
+"""A library of one rule, with every kind of public name."""
 from collections import namedtuple
 from dataclasses import dataclass
 from functools import cache, cached_property

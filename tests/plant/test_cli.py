@@ -154,8 +154,8 @@ def test_compare_and_benchmark_pass_their_options_on(monkeypatch, tmp_path):
         asked.append((rule(3), name, model, plants))
         raise ValueError("stop")
 
-    monkeypatch.setattr("pidalab.comparison.compare", compared)
-    monkeypatch.setattr("pidalab.comparison.benchmarking.benchmark", ranked)
+    monkeypatch.setattr("pidalab.compare", compared)
+    monkeypatch.setattr("pidalab.benchmark", ranked)
     plant = ("compare", "--num", "2", "--den", "1,3,3,1", "--delay", 1)
     assert succeed(*plant, "--rule", "simc", "--rule", "optimal", "--ms", 1.4) == "a table\n"
     succeed(*plant, "--noise-gain", 3, "--sample-time", 0.1)
@@ -266,11 +266,11 @@ def test_edited_files_stay_and_a_full_disk_keeps_the_old_set(plain, tmp_path, mo
 
 def test_output_files_are_replaced_only_on_request(plain, tmp_path, monkeypatch):
     ranking = SimpleNamespace(
-        csv=lambda path: (path.write_text("rows", encoding="utf-8"), path)[1],
+        csv=lambda: "rows",
         latex=lambda: "table",
         plot=lambda: pidalab.report(pidalab.lags(3), kinds="PI", rule="simc").plot(),
     )
-    monkeypatch.setattr("pidalab.comparison.benchmarking.benchmark", lambda *_: ranking)
+    monkeypatch.setattr("pidalab.benchmark", lambda *_: ranking)
     (tmp_path / "rule.py").write_text("def tune(process): return None\n", encoding="utf-8")
     report = ("report", plain, "--rule", "simc", "--model", "fopdt", "--ms-worst", 3, "--sample-time", 1)
     for out, name, command in (
@@ -315,11 +315,10 @@ def test_console_without_some_characters(tmp_path):
     assert b"Usage: pidalab [OPTIONS]" in helped.stdout
 
 
-COLUMNS = {"time": "0", "u": "1", "y": "2"}
 DEFAULTS = {  # users' scripts depend on them
-    "tune": {"kind": "PIDA", "rule": "optimal", "skip": 0, "model": "auto", "deadband": 0, **COLUMNS},
-    "report": {"rule": "optimal", "skip": 0, "model": "auto", **COLUMNS},
-    "check": {"lag": 0, "td": 0, "ta": 0, "skip": 0, **COLUMNS},
+    "tune": {"kind": "PIDA", "rule": "optimal", "skip": 0, "model": "auto", "deadband": 0},
+    "report": {"rule": "optimal", "skip": 0, "model": "auto"},
+    "check": {"lag": 0, "td": 0, "ta": 0, "skip": 0},
     "compare": {"num": "1", "delay": 0},
     "simulate": {"num": "1", "delay": 0, "td": 0, "ta": 0, "setpoint": 1, "load": 0},
     "benchmark": {"model": "process", "workers": 2},
@@ -460,7 +459,7 @@ def test_tune_prints_what_the_library_says(log, reported):
 
 
 def test_report_prints_what_the_library_says(log, reported, tmp_path, monkeypatch):
-    monkeypatch.setattr("pidalab.plant.noise_curves.trade_off", lambda *_: pytest.fail("not requested"))
+    monkeypatch.setattr("pidalab.trade_off", lambda *_: pytest.fail("not requested"))
     out = tmp_path / "new" / "page.html"
     printed = succeed("report", log, *READ, *RULE, "--model", "fopdt", "--ms", 1.5, "--out", out)
     for name, x in REPORT_COLUMNS.items():

@@ -48,17 +48,6 @@ def test_integrator_with_dead_time(gain, delay):
     assert result[:2] == (pytest.approx(1 - gain * delay, rel=1e-14), 0.0)
 
 
-@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
-def test_lag_with_dead_time(ratio):
-    """The real part (cos ωL - ω sin ωL)/(1 + ω²) is stationary where its derivative, found by hand, vanishes."""
-    result = circle(pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay=ratio), 1.0))
-    w, (c, s) = result.frequency, (math.cos(ratio * result.frequency), math.sin(ratio * result.frequency))
-    slope = -(1 + ratio) * s - ratio * w * c - 2 * w * (c - w * s) / (1 + w * w)
-    assert slope == pytest.approx(0, abs=1e-5)
-    assert result.margin == pytest.approx(1 + (c - w * s) / (1 + w * w), abs=1e-14)
-    assert math.pi / 2 < ratio * w + math.atan(w) < 1.5 * math.pi
-
-
 @pytest.mark.parametrize("name", reset.SETTINGS)
 @pytest.mark.parametrize(("n", "weight"), [(4, 1.0), (3, 0.5), (2, 1.0)])
 def test_limit_at_zero_frequency(name, n, weight):

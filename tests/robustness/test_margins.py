@@ -25,12 +25,6 @@ def brute_force(loop, points=5_000_000, low=1e-4, high=1e4):
     return ms, mt
 
 
-def scaled(loop, factor=1.0, extra_delay=0.0):
-    num, den = loop.blocks["controller"]
-    process = Process(loop.process.num, loop.process.den, loop.process.delay + extra_delay)
-    return Loop(process, control.tf(factor * num, den), loop.output_filter)
-
-
 @pytest.mark.parametrize("damping", [0.01, 0.3, 0.5])
 def test_gain_that_just_touches_one(damping):
     """The peak of |L| is 1.0001: a crossover pair narrower than any grid still bounds the delay."""
@@ -39,7 +33,8 @@ def test_gain_that_just_touches_one(damping):
     result = margins(loop)
     x = np.roots([1.0, 4 * damping**2 - 2, 1 - (1.0001 / peak) ** 2])  # |L| = 1 is a quadratic in w^2
     np.testing.assert_allclose(result.gain_crossovers, np.sort(np.sqrt(x)), rtol=1e-7)
-    assert unstable_poles(scaled(loop, extra_delay=1.0005 * result.dm)) > 0
+    later = Process(loop.process.num, loop.process.den, 0.3 + 1.0005 * result.dm)
+    assert unstable_poles(Loop(later, 1.0)) > 0
 
 
 def test_an_unstable_loop_says_so_and_tells_its_distances():
@@ -239,11 +234,5 @@ def test_margins(case):
         assert getattr(found, name) == pytest.approx(float(true[name]), rel=1e-9), name
     for name, tolerance in PLACES.items():
         assert getattr(found, name) == pytest.approx(float(true[name]), rel=tolerance, nan_ok=True), name
-
-
-@pytest.mark.parametrize("case", STABLE, ids=lambda case: case["name"])
-def test_crossovers(case):
-    """All of them, and no other."""
-    found = pidalab.margins(oracle_loop(case))
-    for name in {"gain_crossovers", "phase_crossovers"} & set(case["values"]):
-        np.testing.assert_allclose(getattr(found, name), np.array(case["values"][name], float), rtol=1e-9)
+    for name in {"gain_crossovers", "phase_crossovers"} & set(true):  # all of them, and no other
+        np.testing.assert_allclose(getattr(found, name), np.array(true[name], float), rtol=1e-9)

@@ -122,13 +122,6 @@ def test_rightmost_poles_do_not_split_a_cluster(count):
     assert pidalab.rightmost_poles(loop, count) == pytest.approx([(math.sqrt(2) - 2) / 3] * 3, abs=1e-4)
 
 
-def test_rightmost_poles_too_far_left():
-    """A filter of 20 dead times: what the dead time adds lies too far left."""
-    loop = pidalab.rules.mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m=0, n=1, te=1000.0).loop()
-    with pytest.raises(ArithmeticError, match=r"count must be at most ., the poles right of -20"):
-        pidalab.rightmost_poles(loop, count=5)
-
-
 @pytest.mark.parametrize("process", [pidalab.lags(4), pidalab.lags(4, delay=1.0)])
 def test_a_closed_loop_pole_at_the_origin_is_unstable(process):
     """L(0) = -1."""
@@ -162,7 +155,9 @@ def test_a_cluster_far_to_the_left_does_not_hide_the_others():
     value = loop.transfer("y", "d", pair[:1] * (1 + 1e-9))
     assert abs(value[0]) > 1e6
     assert pair.real == pytest.approx([4.90829e-04] * 2, rel=1e-5)
-    with pytest.raises(ArithmeticError, match="the 10 rightmost poles cannot be told from their neighbours"):
+    with pytest.raises(
+        ArithmeticError, match="the 10 rightmost poles cannot be separated from their neighbours"
+    ):
         pidalab.rightmost_poles(loop, 10)
 
 

@@ -48,29 +48,6 @@ def test_poles_outside_the_unit_circle(name, gain):
     assert margins(Loop(process, k)).stable == (expected == 0)
 
 
-@pytest.mark.parametrize("name", ["chain", "integrating", "unstable plant"])
-def test_dead_time_up_to_the_delay_margin(name):
-    process, own = LOOPS[name]
-    k = own.discretise(0.1)
-    samples = margins(Loop(process, k)).dm / 0.1
-    for extra, stable in ((math.floor(samples), True), (math.ceil(samples), False)):
-        later = Process(process.num, process.den, process.delay + 0.1 * extra)
-        assert pidalab.is_stable(Loop(later, k)) == stable
-
-
-@pytest.mark.parametrize("name", ["chain", "reset", "unstable plant"])
-def test_fast_samples_approach_the_continuous_margins(name):
-    process, own = LOOPS[name]
-    true, errors = margins(Loop(process, own)), []
-    for h in (0.04, 0.02, 0.01):
-        found = margins(Loop(process, own.discretise(h, bias=3.0)))
-        errors.append(
-            [abs(getattr(found, x) / getattr(true, x) - 1) for x in ("ms", "gm", "pm", "dm", "wgc")]
-        )
-    assert np.max(errors[-1]) < 0.05
-    assert np.all(np.array(errors)[0] / np.array(errors)[-1] > 3)
-
-
 @pytest.mark.parametrize("gain", [0.5, 1.5, 2.0, -0.5])
 def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
     """1/(s + 1) behind a hold: L = K (1 - a)/(z - a), a = e^-h; S and T are largest at an end."""

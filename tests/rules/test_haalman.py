@@ -84,12 +84,6 @@ def test_a_short_unit_of_time_makes_a_filter_fast_and_no_digit_wrong(unit):
     assert areas[0] == pytest.approx(areas[1], rel=1e-6)
 
 
-@pytest.mark.parametrize("model", [THIRD, Process([1.0], [1.0, 1.0, -1.0]), Process([1.0], [1.0, 1.0, 0.0])])
-def test_pid_refuses_models_without_two_stable_poles(model):
-    with pytest.raises(ValueError, match="model"):
-        haalman.pid(model)
-
-
 def test_ratio_of_the_acceleration_filter():
     assert haalman.pida(THIRD, m=10).m == haalman.tune(THIRD, m=10).controller.m == 10
     default = haalman.pida(THIRD, n=20)

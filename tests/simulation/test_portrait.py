@@ -1,11 +1,8 @@
 """Portraits: every measure is that of the loop alone, whoever computes it, and nothing is ever missing."""
 
 import os
-import subprocess
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from pathlib import Path
 
 import control
 import numpy as np
@@ -152,14 +149,6 @@ def test_process_pool_gives_the_same_bits(many):
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         assert_same_bits(portrait(**task, executor=pool), p)
         assert pool.submit(os.getpid).result() != os.getpid()  # it is left open
-
-
-def test_a_worker_of_a_cluster_that_is_killed_loses_nothing():
-    pytest.importorskip("distributed", reason="needs the extra cluster")
-    script = Path(__file__).with_name("cluster.py")
-    run = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=300, check=False)
-    assert run.returncode == 0, run.stderr
-    assert "none in the end" in run.stdout
 
 
 def test_what_diverges_is_infinite():

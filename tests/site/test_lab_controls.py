@@ -137,19 +137,3 @@ def test_each_anti_windup_by_its_switch(lab):
     values = list(map(float, iae))
     assert sorted(values, reverse=True) == values
     assert values[-1] < values[0] / 2
-
-
-def test_a_record_with_its_input_is_read_and_drawn(lab):
-    """Two units of input from 2 to 4 at time 5: gain 1.5."""
-    page, t = lab(), np.arange(0, 40, 0.1)
-    late = np.maximum(t - 6.0, 0.0)
-    y = 7.0 + 3.0 * (1 - np.exp(-late) * (1 + late + late**2 / 2))
-    rows = (f"{a:.2f};{2 + 2 * (a >= 5)};{b:.6f}" for a, b in zip(t, y, strict=True))
-    record = {"name": "step.csv", "mimeType": "text/csv", "buffer": "\n".join(rows).encode()}
-    page.locator("input[type=file]").set_input_files(record)
-    page.wait_for_function("() => document.querySelector('.lab-about').textContent.includes('Record of ')")
-    assert float(value_of(page, "gain")) == pytest.approx(1.5, rel=0.01)
-    page.wait_for_function("() => document.querySelector('.lab-plots .lab-dots')")
-    plot = plots(page.locator(".pidalab-lab"))["The record and the model"]
-    assert plot.apart("lab-dots", t, y) < 1
-    assert plot.apart("lab-0", t, y) < 1

@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from pictured import CELLS, idle_ends, plots, rows, undrawn
+from pictured import CELLS, plots, rows, undrawn
 
 import pidalab
 from pidalab.digital import DigitalController
@@ -192,32 +192,6 @@ def test_the_link_of_a_live_figure_brings_its_loops_to_the_lab(lab, open_figure)
     assert there.get_by_label("plant", exact=True).input_value() == "given"
     ((ms, *_),) = rows(page.locator(".pidalab-live"))
     assert float(rows(there.locator(".pidalab-lab"))[0][2]) == pytest.approx(float(ms), abs=0.01)
-
-
-BAD = """<!doctype html><html lang="en"><title>Bad</title><div class="pidalab-live" data-live='%s'></div>%s</html>"""
-LIVE = '{"plant": "%s", "rule": "%s", "designs": [{"kind": "PIDA", "kp": 1, "ti": 3}], "plots": ["load"]}'
-
-
-@pytest.mark.parametrize(
-    ("html", "found"),
-    [
-        (BAD % (LIVE % ("lags3", "hand"), SCRIPTS.replace("engine", "gone")), "script"),
-        (BAD % (LIVE % ("lags3", "simc"), SCRIPTS), "SIMC has no PIDA"),
-        (BAD % (LIVE % ("nowhere", "hand"), SCRIPTS), "no loop"),
-    ],
-)
-def test_a_bad_live_figure_is_caught(html, found, open_figure):
-    page, wrong = open_figure(html)
-    assert any(found in problem for problem in wrong + undrawn(page))
-
-
-def test_an_end_of_a_knob_where_nothing_moves_is_caught(open_figure):
-    """The response that is shown ends at 60, so a dead time beyond it is not seen."""
-    state = LIVE_STATE.replace('"high": 4', '"high": 900').replace('"bode"', '"setpoint"')
-    page, _ = open_figure(CAPTIONED % (state.replace('["ms", "first", "hump"]', '["peak"]'), SCRIPTS))
-    host, (gain, delay) = page.locator(".pidalab-live"), json.loads(state)["knobs"]
-    assert idle_ends(page, host, gain) == []
-    assert idle_ends(page, host, delay) == ["dead time: idle at the high end of its range"]
 
 
 def test_the_first_lecture_prints_what_its_live_figure_shows(visit, site):

@@ -1,6 +1,6 @@
 """The book's files and its built pages, read without a browser: each check lists what it finds wrong."""
 
-import importlib.util
+import importlib
 import re
 from functools import cache
 from html.parser import HTMLParser
@@ -13,16 +13,13 @@ import pytest
 import sheets
 import vendored
 
+from paperledger import papers
+
 # --- notebooks ---------------------------------------------------------------
 
 
 def notebooks(root: Path) -> list[Path]:
     return sorted(path for path in root.glob("book/**/*.ipynb") if ".ipynb_checkpoints" not in path.parts)
-
-
-def notebooks_not_in_toc(pages: list[str], root: Path) -> list[str]:
-    names = (path.relative_to(root).with_suffix("").as_posix() for path in notebooks(root))
-    return [f"{name}: not in the table of contents" for name in names if name not in pages]
 
 
 FOLDS = {"hide-input", "hide-cell"}
@@ -103,28 +100,42 @@ class Page(HTMLParser):
             self.words += data.strip()
 
 
-def is_external(address: str) -> bool:
-    return bool(urlsplit(address).netloc)
-
-
+@cache
 def read_pages(site: Path) -> dict[Path, Page]:
-    return {
-        path: parsed(path.read_text(encoding="utf-8"))
-        for path in sorted(site.rglob("*.html"))
-        if "_static" not in path.parts
-    }
+    paths = (path for path in sorted(site.rglob("*.html")) if "_static" not in path.parts)
+    return {path: Page(path.read_text(encoding="utf-8")) for path in paths}
 
 
-parsed = cache(Page)
+# --- the book is good --------------------------------------------------------
 
 
-def broken_links(site: Path) -> list[str]:
-    """Links and loaded files that lead nowhere inside the site, and anchors that no page has."""
-    pages = read_pages(site)
-    wrong = []
+def test_every_page_of_the_toc_is_built(toc, site):
+    """With a heading and text, not only the frame."""
+    built = read_pages(site)
+    pages = {name: built.get(site / f"{name}.html") for name in toc}
+    assert [name for name, page in pages.items() if not (page and page.heading and page.words)] == []
+
+
+def test_no_figure_is_black_in_the_dark(site):
+    twins = list((site / "_images").glob("*-dark.svg"))
+    assert twins
+    black = re.compile(r"""["' :](#000|#000000|black)\b""")
+    assert [twin.name for twin in twins if black.search(twin.read_text(encoding="utf-8"))] == []
+
+
+def test_notebooks(root, toc):
+    paths = notebooks(root)
+    assert paths
+    assert {path.relative_to(root).with_suffix("").as_posix() for path in paths} <= set(toc)
+    assert [problem for path in paths for problem in notebook_problems(path)] == []
+
+
+def test_no_link_is_broken(site):
+    """Links and loaded files lead to a file of the site, and anchors to a place on its page."""
+    pages, wrong = read_pages(site), []
     for path, page in pages.items():
         for address in page.links + page.loads:
-            if urlsplit(address).scheme or is_external(address):
+            if urlsplit(address).scheme or urlsplit(address).netloc:
                 continue
             file, anchor = urldefrag(address)
             target = (path.parent / unquote(file)).resolve() if file.partition("?")[0] else path
@@ -135,46 +146,7 @@ def broken_links(site: Path) -> list[str]:
                 continue  # a way to show the page, or a state of the lab
             elif anchor and target in pages and unquote(anchor) not in pages[target].anchors:
                 wrong.append(f"{path.relative_to(site)}: {address} has no such anchor")
-    return wrong
-
-
-def pages_not_built(pages: list[str], site: Path) -> list[str]:
-    """Pages of the table of contents that are not there, or of which nothing but the frame is there."""
-    built, wrong = read_pages(site), []
-    for name in pages:
-        page = built.get(site / f"{name}.html")
-        if page is None:
-            wrong.append(f"{name}: not in the built site")
-        elif not (page.heading and page.words):
-            wrong.append(f"{name}: {'no text' if page.heading else 'no heading'}")
-    return wrong
-
-
-# --- the book is good --------------------------------------------------------
-
-
-def test_every_page_of_the_toc_is_built(toc, site):
-    assert pages_not_built(toc, site) == []
-
-
-def test_no_figure_is_black_in_the_dark(site):
-    twins = list((site / "_images").glob("*-dark.svg"))
-    assert twins
-    black = re.compile(r"""["' :](#000|#000000|black)\b""")
-    assert [twin.name for twin in twins if black.search(twin.read_text(encoding="utf-8"))] == []
-
-
-def test_every_notebook_is_in_the_toc(toc, root):
-    assert notebooks_not_in_toc(toc, root) == []
-
-
-def test_notebooks(root):
-    assert notebooks(root)
-    assert [problem for path in notebooks(root) for problem in notebook_problems(path)] == []
-
-
-def test_no_link_is_broken(site):
-    assert broken_links(site) == []
+    assert wrong == []
 
 
 def loose_marks(page: str) -> int:
@@ -201,49 +173,35 @@ def cells_of(path: Path) -> list:
     return nbformat.read(path, as_version=4).cells
 
 
-def unanswered(cells: list) -> list[str]:
-    """Exercises without an answer that has a sentence and a cell that printed or drew something."""
-    text = "\n".join(RUN if c.cell_type == "code" and c.outputs else c.source for c in cells)
-    answers = ANSWER.findall(text)
-    wrong = [f"an answer that does not run: {answer.strip()}" for answer in answers if RUN not in answer]
-    for answer in answers:
-        if len(re.findall(r"\w+", answer.replace(RUN, ""))) < 5 or "." not in answer:
-            wrong.append(f"an answer without words: {answer.strip()}")
-    if (asked := text.count("```{exercise}")) != len(answers):
-        wrong.append(f"{asked} exercises, {len(answers)} answers")
-    return wrong
+@pytest.fixture(scope="module")
+def lessons(root) -> dict[str, list]:
+    """Return the cells of lectures and chapters."""
+    paths = sorted(root.glob("book/learn/*.ipynb"))
+    paths += [root / "book" / f"{paper}.ipynb" for paper in papers(root / "book" / "ledger")]
+    assert len(paths) == 11
+    return {path.name: cells_of(path) for path in paths}
 
 
-def without_lab(cells: list) -> list[str]:
-    """Live figures that do not lead to the lab with their loops loaded."""
-    figures = sum(cell.source.count(LIVE) for cell in cells)
-    told = [o.get("data", {}).get("text/html", "") for c in cells if c.cell_type == "code" for o in c.outputs]
-    linked = sum(IN_THE_LAB in html for html in told)
-    return (
-        [f"{figures} live figures, {linked} of them lead to the lab"]
-        if not figures or linked != figures
-        else []
-    )
+def test_every_exercise_has_an_answer_in_words_that_was_run(lessons):
+    """It has a sentence, and a cell that printed or drew something."""
+    for name, cells in lessons.items():
+        text = "\n".join(RUN if c.cell_type == "code" and c.outputs else c.source for c in cells)
+        answers = ANSWER.findall(text)
+        assert text.count("```{exercise}") == len(answers), name
+        for answer in answers:
+            words = answer.replace(RUN, "")
+            assert RUN in answer, (name, answer)
+            assert "." in words, (name, answer)
+            assert len(re.findall(r"\w+", words)) >= 5, (name, answer)
 
 
-def chapters(root: Path) -> list[Path]:
-    ledgers = sorted(path.stem for path in root.glob("book/ledger/*.csv"))
-    return [root / "book" / f"{paper}.ipynb" for paper in ledgers if paper not in ("manifest", "removed")]
-
-
-def lectures(root: Path) -> list[Path]:
-    return sorted(root.glob("book/learn/*.ipynb"))
-
-
-def test_every_exercise_has_an_answer_in_words_that_was_run(root):
-    pages = lectures(root) + chapters(root)
-    assert len(pages) == 11
-    assert [(path.name, wrong) for path in pages for wrong in unanswered(cells_of(path))] == []
-
-
-def test_every_lecture_and_chapter_leads_to_the_lab(root):
-    pages = lectures(root) + chapters(root)
-    assert [(path.name, wrong) for path in pages for wrong in without_lab(cells_of(path))] == []
+def test_every_live_figure_leads_to_the_lab_with_its_loops(lessons):
+    for name, cells in lessons.items():
+        code = [cell for cell in cells if cell.cell_type == "code"]
+        shown = [output.get("data", {}).get("text/html", "") for cell in code for output in cell.outputs]
+        assert (
+            sum(IN_THE_LAB in html for html in shown) == sum(cell.source.count(LIVE) for cell in cells) > 0
+        ), name
 
 
 def test_every_fold_of_code_says_what_it_shows(root):
@@ -270,7 +228,7 @@ DATA = {
 }
 
 
-def test_wrong_answers_are_said_in_words():
+def test_sheets_print_the_word_for_each_wrong_answer():
     assert sheets.said(DATA) == [
         ("0.4", "The inverse."),
         ("gm", "The margin it has."),
@@ -309,25 +267,16 @@ PAGE = """
 """
 
 
-@pytest.fixture(scope="module")
-def search(root):
-    spec = importlib.util.spec_from_file_location(
-        "section_search", root / "book" / "_ext" / "section_search.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_each_section_has_its_own_words(search):
-    assert search.sections(PAGE) == [
+def test_search_splits_a_page_into_sections(root, monkeypatch):
+    monkeypatch.syspath_prepend(root / "book" / "_ext")
+    assert importlib.import_module("section_search").sections(PAGE) == [
         ("one", "First title", "Some words and x^2 . A task."),
         ("two", "Second", "More."),
         ("pidalab.tune", "pidalab.tune", "Tune a loop. Returns Design"),
     ]
 
 
-def test_every_table_of_the_page_is_made_and_shown(site, root):
+def test_tables_of_how_we_know_are_filled_and_shown(site, root):
     page = (root / "book" / "how-we-know.md").read_text(encoding="utf-8")
     names = evidence.MARK.findall(page)
     assert len(names) == len(evidence.TABLES)
@@ -342,32 +291,3 @@ def test_the_notice_covers_every_file_of_the_site(site):
     assert (site / vendored.NOTICE).read_text(encoding="utf-8") == vendored.notice(found)
     assert {name for one in found for name in one["files"]} == set(vendored.carried(site))
     assert all(re.fullmatch(r"[\d.]+", one["version"]) for one in found)
-
-
-@pytest.fixture
-def small(tmp_path):
-    """A site with one file of others, and the row for it."""
-    (tmp_path / "_static").mkdir()
-    (tmp_path / "_static" / "other.js").write_text("// other 1.2\n", encoding="utf-8")
-    (tmp_path / "index.html").write_text("", encoding="utf-8")
-    names = {"name": "other", "url": "https://example.org", "purl": "pkg:npm/other", "licence": "MIT"}
-    where = {"file": "_static/other.js", "pattern": r"other ([\d.]+)"}
-    return tmp_path, names | {"copyright": "2026 A", "files": ["_static/other*"], "version": where}
-
-
-def test_a_file_that_nobody_claims(small):
-    site, row = small
-    assert [one["version"] for one in vendored.components([row], site)] == ["1.2"]
-    (site / "_static" / "stray.js").write_text("", encoding="utf-8")
-    with pytest.raises(ValueError, match=r"_static/stray\.js belongs to nobody"):
-        vendored.components([row], site)
-
-
-def test_a_project_that_is_gone_and_a_version_that_is_not_found(small):
-    site, row = small
-    with pytest.raises(ValueError, match="gone has no files"):
-        vendored.components([row, row | {"name": "gone", "files": ["_static/gone.js"]}], site)
-    with pytest.raises(ValueError, match="finds no version"):
-        vendored.components([row | {"version": row["version"] | {"pattern": "v([0-9])"}}], site)
-    with pytest.raises(ValueError, match="belongs to other and twin"):
-        vendored.components([row, row | {"name": "twin"}], site)

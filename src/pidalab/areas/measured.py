@@ -22,13 +22,13 @@ from scipy.special import bernoulli, factorial
 from pidalab import _check
 from pidalab._check import Array
 
-PIECES = 16  # pieces of a steady state, whose means are compared; four quarters of four
+PIECES = 16  # number of pieces of a steady state whose means are compared
 LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of transients in a steady state, in pieces
 SHORTEST = 0.05  # least length of a steady state, relative to the record
 SHORTER = 0.9  # ratio of the lengths of two steady states that are tried one after the other
-DRIFT = 2.5  # a transient up to this number of standard deviations counts as noise
+DRIFT = 2.5  # number of standard deviations up to which a transient counts as noise
 FADE = 5.0  # the same for the squares of the record, which scatter more
-LONGER = 1.1  # factor on the time after which no transient shows, to wait for what the noise hides
+LONGER = 1.1  # factor of the time after which no transient is visible, since noise hides its end
 ROUNDING = float(np.finfo(float).eps)  # relative to the level; a smaller drift is a rounding error
 UNCERTAIN = 0.05  # relative uncertainty of an area from which a warning is given
 
@@ -234,7 +234,7 @@ def _pieces(x: Array) -> tuple[Array, float]:
     """Return the means of the pieces, relative to the last sample, and their standard deviation from noise."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
-    return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # of Gaussian noise
+    return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # for Gaussian noise
 
 
 def _noise(x: Array, h: float) -> tuple[float, float]:
@@ -249,7 +249,7 @@ def _steady(x: Array) -> bool:
 
     A decaying oscillation, or a transient whose mean happens to be 0, shows in the squares only.
     """
-    # every piece has a rounding error, and a projection adds them up
+    # Every piece has a rounding error, and a projection adds them.
     rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)

@@ -1,7 +1,7 @@
 """Compare every rule of the library with the optima on one process.
 
-A rule gets the model that its authors start from: the process itself, its reduction of first or second order, the three
-points of its step response, or an integrator with dead time. All are judged on the process itself.
+Each rule gets the kind of model for which its authors made it: the process itself, its reduction of first or second
+order, the three points of its step response, or an integrator with dead time. All are evaluated on the process itself.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pidalab.rules import Design
 from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
 
-PERIODS = 12.0  # of the plant, in a first response
+PERIODS = 12.0  # length of the first response, in periods of the plant
 RELATIVE_NOISE_GAIN = 1.5  # default limit
 COMPARISON_COLUMNS = {
     "IAE load": "iae_load",
@@ -40,7 +40,7 @@ class Comparison:
     Attributes
     ----------
     process : Process
-        What all were judged on.
+        The plant.
     ms, noise_gain, sample_time : float
         The limits of the optima.
     rows : tuple of DesignRow
@@ -59,12 +59,12 @@ class Comparison:
         Parameters
         ----------
         row : DesignRow
-            Of this comparison.
+            Row of this comparison.
 
         Returns
         -------
         bool
-            False also where the noise gain is not known.
+            True if it does. False also if the noise gain is unknown.
 
         Examples
         --------
@@ -97,34 +97,33 @@ def compare(
     sample_time: float | None = None,
     rules: Iterable[str] | None = None,
 ) -> Comparison:
-    """Judge every rule of the library on a process, beside the best PI, PID and PIDA.
+    """Compare every rule of the library with the optimal PI, PID and PIDA on a process.
 
     Parameters
     ----------
     process : Process
         The plant.
     ms : float, optional
-        Largest maximum sensitivity of the optima, above 1; haalman and the optima use it, other rules do not know it.
+        Largest maximum sensitivity, above 1, for the optima and haalman. Other rules ignore it.
     noise_gain : float, optional
-        Largest standard deviation of u per unit of that of white measurement noise, in units of u per unit of y; the
-        magnitude optimum and the optima use it. By default 1.5 times the ``gain`` of `pidalab.noise_scale`, that is, a
-        relative noise gain of 1.5.
+        Largest noise gain, in units of u per unit of y, for the optima and the magnitude optimum. By default 1.5 times
+        the ``gain`` of `pidalab.noise_scale`, a relative noise gain of 1.5.
     sample_time : float, optional
-        Sample time of that noise, above 0; by default that of `pidalab.noise_scale`. The table shows the
-        relative noise gain, which does not depend on it.
+        Sample time of the noise, above 0, by default that of `pidalab.noise_scale`. The relative noise gain in the
+        table does not depend on it.
     rules : iterable of str, optional
-        Names of the registry, `pidalab.rules.registry`, and "optimal". By default the optima and all rules but those of
-        Chien, Hrones and Reswick; the entry of a rule says whether it is compared by default.
+        Names of the registry, `pidalab.rules.registry`, and "optimal". By default the optima and all rules except those
+        of Chien, Hrones and Reswick.
 
     Returns
     -------
     Comparison
-        A rule that does not apply is a row with its message.
+        A rule that does not apply has a row with its message.
 
     Raises
     ------
     TypeError, ValueError
-        For something else than a process, and limits out of range.
+        For an argument that is not a process, and limits out of range.
 
     Examples
     --------
@@ -147,7 +146,7 @@ def compare(
 def designs(
     process: Process, requirements: Requirements, rules: Iterable[str] | None = None
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
-    """Yield name, kind and the call that designs, for every rule, then for the optima.
+    """Yield name, kind and a function that makes the design, for every rule, then for the optima.
 
     Parameters
     ----------
@@ -161,7 +160,7 @@ def designs(
     Yields
     ------
     tuple
-        The call raises ValueError where the rule does not apply.
+        The function raises ValueError if the rule does not apply.
 
     Examples
     --------
@@ -190,7 +189,7 @@ def designs(
 
 
 def first_horizon(process: Process) -> float:
-    """Return the end of the first response that is tried, at the pace of a good loop."""
+    """Return the end of the first response, from the speed of a well-tuned loop."""
     try:
         return PERIODS * noise_scale(process).period
     except ValueError:

@@ -1,8 +1,8 @@
-"""Judge a rule, given as a function, on 134 plants, with all rules of the library and the optima.
+"""Compare a rule, given as a function, with all rules of the library and the optima on 134 plants.
 
-The rule of a user and those of the library go through the same judge, `judge`: first as published, then scaled to the
-same maximum sensitivity and the same noise (`pidalab.comparison.at_equal_terms`). What the library's rules and the
-optima reach is stored beside this file, in units of each plant's ultimate gain and period.
+`judge` evaluates the rule of a user and those of the library in the same way, first as published, then scaled to the
+same maximum sensitivity and the same noise (`pidalab.comparison.at_equal_terms`). The results of the library's rules
+and the optima are stored in tables, in units of each plant's ultimate gain and period.
 """
 
 from __future__ import annotations
@@ -33,9 +33,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TABLES = Path(__file__).with_name("tables")
-EQUAL_MS = 1.4  # of all that is compared at equal terms
+EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gains: about two and ten times that of a PI
-PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")  # columns of what is as published
+PUBLISHED = (
+    "plants",
+    "Ms",
+    "Ms, 9 of 10 below",
+    "relative noise gain",
+)  # columns of the table of rules as published
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
@@ -48,12 +53,12 @@ def stored(name: str) -> pd.DataFrame:
     Parameters
     ----------
     name : str
-        Of the table.
+        Name of the table.
 
     Returns
     -------
     pandas.DataFrame
-        One for all callers: copy before you change it.
+        The table, which is shared: copy it before you change it.
 
     Examples
     --------
@@ -70,23 +75,23 @@ def stored(name: str) -> pd.DataFrame:
 def judge(
     rule: str, kind: str, make: Callable[[], Design], process: Process, scale: NoiseScale
 ) -> Iterator[dict[str, Any]]:
-    """Yield what a design is on a plant: as published, then at equal terms, loud noise first; in units of the plant.
+    """Yield the measures of a design on a plant, in units of the plant: as published, then at equal terms, loud first.
 
     Parameters
     ----------
     rule, kind : str
-        Names of the rows; an empty kind is read off the design.
+        Names of the rows. An empty kind is replaced by that of the design.
     make : callable
-        Returns the design, or raises ValueError where the rule does not apply.
+        Returns the design, or raises ValueError if the rule does not apply.
     process : Process
         The plant.
     own : NoiseScale
-        Of the plant.
+        Noise scale of the plant.
 
     Yields
     ------
     dict
-        A refusal is a row with its ``reason``.
+        A row. A refusal has a ``reason``.
     """
     row = measure_row(rule, kind, make, process, scale.sample_time, first_horizon(process))
     kind = kind or kind_of(row.design)
@@ -97,7 +102,7 @@ def judge(
 
 
 def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
-    """Return the measures in the units of the plant; those that are not known are left out."""
+    """Return the known measures in the units of the plant."""
     if not row.applies:
         return {"reason": row.reason}
     measures = {
@@ -113,10 +118,10 @@ def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
 
 
 def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[dict[str, Any]]:
-    """Return the proportions of a design at the Ms and the noise of all others, the loud terms first."""
+    """Return a design scaled to the Ms and each noise of the comparison, loud noise first."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
-        # a filter as short as the sample stays so where less noise is allowed and not made
+        # If the filter is as short as the sample and the noise is below the lower limit, the same design serves both.
         if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
             rows.append(rows[-1] | {"terms": terms})
         else:
@@ -125,7 +130,7 @@ def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[di
 
 
 def at_terms(design: Design, noise: float, process: Process, scale: NoiseScale) -> dict[str, Any]:
-    """Return a design at equal terms, measured; its prefilter is gone, so that its set-point response says nothing."""
+    """Return a measured design at equal terms, without set-point response, since its prefilter is removed."""
     try:
         scaled = at_equal_terms(design, process, EQUAL_MS, noise * scale.gain, scale.sample_time)
         row = measure_row("", "", lambda: scaled, process, scale.sample_time, first_horizon(process))
@@ -138,7 +143,7 @@ def at_terms(design: Design, noise: float, process: Process, scale: NoiseScale) 
 
 
 def kind_of(design: Design | None) -> str:
-    """Return what a design is by its highest derivative: "PI", "PID" or "PIDA"; empty for anything else."""
+    """Return "PI", "PID" or "PIDA" by the highest derivative of a design, and "" for other designs."""
     return "" if design is None else dict(enumerate(KINDS)).get(gains_of(design.controller).size - 2, "")
 
 
@@ -151,26 +156,26 @@ class Benchmark:
     name : str
         Of the rule.
     rows : pandas.DataFrame
-        A row for each plant and terms (``own``, ``loud``, ``quiet``), in units of the plant: what was measured, the IAE
-        over the least of its kind (``of_kind``) and of all kinds (``of_best``), and the reason of a refusal.
+        A row for each plant and terms (``own``, ``loud``, ``quiet``), in units of the plant: the measures, the IAE over
+        the least of its kind (``of_kind``) and of all kinds (``of_best``), and the reason of a refusal.
     """
 
     name: str
     rows: pd.DataFrame
 
     def ranking(self, terms: str = "loud") -> pd.DataFrame:
-        """Return the rule among all rules of the library at equal terms, the nearest to the best first.
+        """Rank the rule among all rules of the library at equal terms, the nearest to the optimum first.
 
         Parameters
         ----------
         terms : {"loud", "quiet"}, optional
-            How much noise is allowed: a relative noise gain of 1.5 or 0.3.
+            Limit of the relative noise gain, 1.5 or 0.3.
 
         Returns
         -------
         pandas.DataFrame
-            A row for each rule and kind: on how many plants it could be judged, the median of its IAE over the least of
-            its kind and over the least of all kinds, and what it exceeds on a tenth of the plants.
+            A row for each rule and kind: the number of plants, the medians of its IAE over the least of its kind and
+            over the least of all kinds, and the value that it exceeds on a tenth of the plants.
 
         Raises
         ------
@@ -193,7 +198,7 @@ class Benchmark:
         return pd.DataFrame(dict(zip(RANKED, columns, strict=True))).sort_values("of all")
 
     def _beside(self, terms: str) -> pd.DataFrame:
-        """Return what could be judged at equal terms: rows of all rules, and of this one under its name."""
+        """Return the rows of all rules at equal terms, and of this one under its name."""
         import pandas as pd
 
         _check.choice("terms", terms, tuple(NOISE))
@@ -202,7 +207,7 @@ class Benchmark:
         return pd.concat([others, mine]).dropna(subset=["of_best"])
 
     def refusals(self) -> pd.Series:
-        """Count the plants on which the rule refused or made an unstable loop, by reason.
+        """Count by reason the plants on which the rule refused or made an unstable loop.
 
         Returns
         -------
@@ -221,12 +226,12 @@ class Benchmark:
         return published.loc[published["ms"].isna(), "reason"].value_counts()
 
     def as_published(self) -> pd.DataFrame:
-        """Return medians of what the rule is with its author's own settings, by kind.
+        """Return medians of the measures with the settings of the rule, by kind.
 
         Returns
         -------
         pandas.DataFrame
-            Plants, Ms, the Ms that nine of ten stay below, relative noise gain.
+            Number of plants, Ms, the Ms that nine of ten stay below, relative noise gain.
 
         Examples
         --------
@@ -256,30 +261,21 @@ class Benchmark:
             lines += ["refused, or unstable:", *(f"{count:4} {reason}" for reason, count in refused.items())]
         return "\n".join(lines)
 
-    def csv(self, path: str | Path) -> Path:
-        """Write the rows, for other programs; returns the path.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            Where to.
+    def csv(self) -> str:
+        """Return the rows as the text of a CSV file.
 
         Returns
         -------
-        pathlib.Path
-            The file.
+        str
 
         Examples
         --------
         >>> import pidalab
         >>> rule = lambda process: pidalab.rules.classical.simc(process, "PI")
-        >>> found = pidalab.benchmark(rule, "mine", "first_order", plants=["P2 T=1"])
-        >>> import pathlib, tempfile
-        >>> found.csv(pathlib.Path(tempfile.mkdtemp(), "rows.csv")).name
-        'rows.csv'
+        >>> pidalab.benchmark(rule, "mine", "first_order", plants=["P2 T=1"]).csv().count("mine")
+        1
         """
-        self.rows.to_csv(path, index=False, float_format="%.5g", lineterminator="\n")
-        return Path(path)
+        return str(self.rows.to_csv(index=False, float_format="%.5g", lineterminator="\n"))
 
     def latex(self, terms: str = "loud") -> str:
         """Return the ranking as a table for a paper, with the rule in bold.
@@ -292,7 +288,7 @@ class Benchmark:
         Returns
         -------
         str
-            A tabular.
+            A ``tabular`` environment.
 
         Examples
         --------
@@ -311,7 +307,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw the spread of every rule of the same kinds over the plants, this one marked.
+        """Draw the spread over the plants of every rule of the same kinds, with this one marked.
 
         Parameters
         ----------
@@ -321,7 +317,7 @@ class Benchmark:
         Returns
         -------
         matplotlib.figure.Figure
-            One panel: from the first to the ninth tenth of the plants, and the median.
+            One panel with the range from the first to the ninth decile of the plants, and the median.
 
         Examples
         --------
@@ -345,7 +341,7 @@ class Benchmark:
                 [row[0.1], row[0.9]], [place, place], color="C0" if wide else "0.6", lw=3.0 if wide else 1.2
             )
             axes.plot(row[0.5], place, "o", color="C0" if wide else "0.4", ms=7 if wide else 4)
-        # a name is no formula
+        # A dollar sign in a name must not start a formula.
         labels = [f"{rule} {kind}".replace("$", r"\$") for rule, kind in tenths.index]
         axes.set_yticks(range(len(tenths)), labels)
         axes.set(
@@ -356,7 +352,7 @@ class Benchmark:
 
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows at equal terms with their IAE over the least of their kind, and of all kinds, for the same terms."""
+    """Return rows at equal terms with their IAE over the least of their kind and of all kinds."""
     optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(
@@ -377,34 +373,34 @@ def benchmark(
     plants: Iterable[str] | None = None,
     executor: Executor | None = None,
 ) -> Benchmark:
-    """Judge a rule of your own on the 134 plants of Åström and Hägglund, beside all rules and the best there is.
+    """Compare a rule of your own with all rules and the optima on the 134 plants of Åström and Hägglund.
 
     Parameters
     ----------
     rule : callable
-        Takes a `Process`, its model of the plant, and returns a controller or a `Design`. It raises ValueError where it
-        does not apply; the message is kept.
+        Takes a `Process`, its model of the plant, and returns a controller or a `Design`. If it does not apply, it
+        raises ValueError, whose message is stored.
     name : str, optional
-        What it is called in tables; by default the function's name.
+        Name in tables, by default that of the function.
     model : str, optional
-        What the rule is given: ``process``, the plant itself, or a model of it, as the authors of rules start from:
+        Argument of the rule: ``process``, the plant itself, or a model of it:
         ``reaction`` (lag and dead time from the steepest tangent), ``first_order``, ``second_order`` (reductions),
         ``third_order`` (three points of the step response), ``integrator`` (with dead time).
     plants : iterable of str, optional
-        Names of plants, for a first look; by default all.
+        Names of plants. By default all.
     executor : concurrent.futures.Executor, optional
-        Who computes: processes, or the executor of a cluster. The rule has to be importable there. By default this
-        process, which takes about a minute.
+        Pool of processes, or the executor of a cluster. The rule must be importable there. By default this process
+        computes, which takes about a minute.
 
     Returns
     -------
     Benchmark
-        Print it, or take its figure, its CSV, its table for a paper.
+        Result to print, draw, or write as CSV or as a table for a paper.
 
     Raises
     ------
     TypeError, ValueError
-        For a rule that cannot be called or returns something else, and for names that are unknown.
+        For a rule that is not callable or returns another type, and for unknown names.
 
     Examples
     --------

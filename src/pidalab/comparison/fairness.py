@@ -1,4 +1,4 @@
-"""Scale a design to the robustness and the noise of others, so that their errors compare."""
+"""Scale a design to the robustness and the noise of others, so that their errors are comparable."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from pidalab.roots import border
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
 
-LONGEST_FILTER = 1e4  # that is tried, in sample times
-LEAST_SCALE = 0.01  # of the gains: with less, nearly any loop is robust and does nothing
-TIME_RTOL = 1e-7  # share to which the filter time is found
-DENSITY = 4  # factor of the number of frequencies for the noise: good for six digits
+LONGEST_FILTER = 1e4  # in sample times
+LEAST_SCALE = 0.01  # with smaller gains nearly any loop is robust, but has no effect
+TIME_RTOL = 1e-7  # relative accuracy of the filter time
+DENSITY = 4  # factor of the number of frequencies for the noise, which gives six digits
 
 
 def at_equal_terms(
@@ -29,35 +29,35 @@ def at_equal_terms(
 ) -> Design:
     r"""Scale the gain and the filter of a design to a given maximum sensitivity and noise gain.
 
-    The proportions of its gains stay: ti, td and ta are the rule's own. Its filters give way to that of the optima,
-    :math:`1/(1 + T_f s)^{m+1}` behind all actions, m the highest derivative. :math:`T_f` is the shortest, from the
-    sample time upwards, with which the noise gain stays within its limit, and the gain is the largest with which Ms is
-    reached from below.
+    The ratios of the gains, and so ti, td and ta, are those of the rule. Its filters are replaced by that of the
+    optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, with the highest derivative m. :math:`T_f` is the shortest
+    filter time, at least the sample time, with which the noise gain is within its limit. The gain is the largest with
+    which Ms is reached from below.
 
     Parameters
     ----------
     design : Design
-        Of any rule; its prefilter is left out, for it changes neither Ms nor noise nor the response to a load.
+        Design of any rule. Its prefilter is ignored, since it does not change Ms, noise and load response.
     process : Process
         The plant.
     ms : float
-        Maximum sensitivity to be reached, above 1.
+        Maximum sensitivity of the result, above 1.
     noise_gain : float
-        Largest standard deviation of u per unit of that of white measurement noise.
+        Largest noise gain.
     sample_time : float
-        Sample time of that noise, and shortest filter time.
+        Sample time of the noise, and shortest filter time.
 
     Returns
     -------
     Design
-        With a `HighOrderPID`. Its `info`: ``factor`` of the gains, ``ms``, and ``noise_gain``, which stays below its
-        limit where the filter is as short as the sample.
+        Design with a `HighOrderPID`. Its `info`: ``factor`` of the gains, ``ms``, and ``noise_gain``, which is below
+        its limit if the filter time equals the sample time.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, for a design whose gains have no common form, and where no gain above a hundredth
-        of the rule's gives a stable loop with this Ms, or no filter one with this noise.
+        For arguments out of range, for a design whose gains have no common form, and if no gain above a hundredth of
+        that of the rule gives a stable loop with this Ms, or no filter gives this noise.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def _filtered(gains: Array, time: float) -> HighOrderPID:
 
 
 def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, float], float]:
-    """Return the function that gives the noise gain; infinite where the sampled loop is unstable."""
+    """Return the function that computes the noise gain, infinite for an unstable sampled loop."""
     from pidalab.optimal.problem import Problem, SampledNoise
 
     problem = Problem(process, size - 2, (1.0, time_scale(process)))
@@ -112,7 +112,7 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
-    """The shortest filter with which the noise stays within its limit, found in the logarithm of its time."""
+    """Return the shortest filter time with which the noise is within its limit, searched in its logarithm."""
     tried: dict[float, tuple[float, float, HighOrderPID]] = {}
 
     def quiet(log_time: float) -> bool:
@@ -126,5 +126,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
-    # by halves, and from above: the noise jumps where the gain does, from one range of allowed gains to another
+    # Bisection from above is used, since the noise jumps where the gain jumps between ranges of allowed gains.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

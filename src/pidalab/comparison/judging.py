@@ -1,4 +1,4 @@
-"""Measure the loop of a design with a plant, as a row; set rows out as a table of text or HTML."""
+"""Measure the loop of a design with a plant, and write such rows as a table of text or HTML."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pidalab.rules import Design
 
 
 class DesignRow(NamedTuple):
-    """One design on a plant; a measure that could not be had is NaN, and `reason` says why.
+    """Design on a plant. A measure that could not be computed is NaN, and `reason` says why.
 
     Attributes
     ----------
@@ -29,12 +29,12 @@ class DesignRow(NamedTuple):
     mks : float
         Largest gain from noise to u over all frequencies.
     noise_gain : float
-        Standard deviation of u per unit of that of white, sampled noise.
+        Noise gain with sampled white noise.
     tv : float
         Total variation of u after the load step.
     delay_margin : float
     reason : str
-        Why there is no design, or why a measure is missing.
+        Reason for a missing design or measure.
     design : Design or None
     peak : float
         Largest deviation of the output after the load step.
@@ -43,13 +43,13 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        The worst within the spread of the model, with the digital loop, if there is one, for Ms.
+        Largest values within the spread of the model, Ms with the digital loop if there is one.
     price : float
-        How many times the IAE is that of the design without a limit for the worst Ms.
+        Ratio of the IAE to that of the design without a limit for the worst Ms.
     ms_sampled : float
         Maximum sensitivity of the digital loop with the model.
     relative_noise : float
-        Relative noise gain, as `pidalab.relative_noise_gain` has it.
+        Relative noise gain, as of `pidalab.relative_noise_gain`.
     """
 
     rule: str
@@ -99,18 +99,18 @@ def measure_row(
     rule, kind : str
         Names of the row.
     make : callable
-        Returns the design, or raises ValueError where the rule does not apply.
+        Returns the design, or raises ValueError if the rule does not apply.
     process : Process
         The plant.
     sample_time : float or None
-        Sample time of the noise; without one its gain is left out.
+        Sample time of the noise. With None the noise gain is left out.
     horizon : float
-        The end of the first response that is tried.
+        End of the first response.
 
     Returns
     -------
     DesignRow
-        Its reason says what could not be had.
+        The row. Its reason says which measures are missing.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def _noise(loop: Loop, sample_time: float | None) -> tuple[float, float, str]:
     noise, reason = (math.nan, "") if sample_time is None else sampled_noise(loop, sample_time)
     try:
         scale = noise_scale(loop.process)
-    except ValueError:  # the plant has no time scale
+    except ValueError:  # The plant has no time scale.
         return noise, math.nan, reason
     if sample_time == scale.sample_time:
         return noise, noise / scale.gain, reason
@@ -192,7 +192,7 @@ def text_table(
     width: int,
     notes: Notes = lambda row: "",
 ) -> list[str]:
-    """Return head and rows as lines: names (attribute: width) on the left, numbers (heading: attribute), and a note."""
+    """Return head and rows as lines, with names (attribute: width), numbers (heading: attribute) and a note."""
     widths = [*names.values(), *(max(width, len(heading) + 2) for heading in columns)]
     left = [name if len(names) > 1 else "" for name in names]
     lines = [set_out([*left, *columns], widths, len(names))]
@@ -209,7 +209,7 @@ def text_table(
 def html_table(
     rows: Sequence[DesignRow], names: Sequence[str], columns: Mapping[str, str], notes: Notes = lambda row: ""
 ) -> str:
-    """Return the rows as a table of HTML; the column of notes is there if there are any."""
+    """Return the rows as an HTML table, with a column of notes if there are any."""
     noted = any(map(notes, rows))
     heads = [*names, *columns, *(["note"] * noted)]
     body = []

@@ -16,7 +16,7 @@ from pidalab._check import Array
 from pidalab.forms import FilteredGains, IdealGains
 from pidalab.process import Block, fraction_at, quotient
 
-if TYPE_CHECKING:  # python-control is slow to import, and only transfer functions need it
+if TYPE_CHECKING:  # Importing python-control takes long, and only transfer functions need it.
     import control
 
     from pidalab.digital import DigitalController

@@ -1,8 +1,7 @@
-"""Digital controllers: difference equations that run, and that a loop can be closed with.
+"""Digital controllers: difference equations to run, to simulate in a loop, and to write as code.
 
-They come from `discretise` of a controller. What is here knows gains, filters and samples, and no continuous class. The
-code for other machines is the engineer's, `pidalab.plant.code`: the methods that write it, and `from_json`, which reads
-it back, load it when they are called.
+`discretise` of a controller makes them. This package depends on no class of continuous controllers. The methods that
+write code, and `from_json`, which reads it back, import `pidalab.plant.code` when they are called.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -17,7 +17,7 @@ from pidalab.digital import languages
 from pidalab.digital.parameters import Parameters
 from pidalab.digital.program import Program, constants, program
 
-if TYPE_CHECKING:  # only who asks for a transfer function waits for python-control
+if TYPE_CHECKING:  # python-control is imported only for a transfer function.
     import control
 
 
@@ -468,7 +468,7 @@ class DigitalController(Parameters):
         usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
         usual |= {"prefilter": None, "feedforward": False, "tunable": False}
         extras = "".join(f", {name}={now[name]!r}" for name, value in usual.items() if now[name] != value)
-        # the source may come from a file: quote it unless it prints on one line
+        # The source may come from a file, so it is quoted unless it prints on one line.
         source = self.source if self.source.isprintable() else repr(self.source)
         return f"{source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
 

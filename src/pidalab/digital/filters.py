@@ -53,9 +53,9 @@ from pidalab.forms import FilteredGains
 from pidalab.roots import roots
 
 METHODS = ("backward", "tustin", "zoh")
-# weights of e_k and e_{k-1} in the integral
+# Weights of e_k and e_{k-1} in the integral.
 METHOD_WEIGHTS = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
-# terms of the matrix exponential; the remainder is below 1/50!
+# Number of terms of the matrix exponential. The remainder is below 1/50!
 SERIES_TERMS = 60
 
 
@@ -90,7 +90,7 @@ class FilterChain(NamedTuple):
         states: list[Any] = [np.ones_like(z)]
         for new, old in zip(self.new, self.old, strict=True):
             states.append(states[-1] * (new * z + old) / (z - 1 + new + old))
-        # a first difference without cancellation at low frequencies: 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1)
+        # This first difference has no cancellation at low frequencies: 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1).
         level: list[Any] = [
             x * (1 - new) * (z - 1) / (z - 1 + new + old)
             for x, new, old in zip(states, self.new, self.old, strict=False)
@@ -105,7 +105,7 @@ class FilterChain(NamedTuple):
         """Return numerator and denominator, descending powers of z."""
         poles = [np.array([1.0, new + old - 1.0]) for new, old in zip(self.new, self.old, strict=True)]
         lags = [np.array([new, old]) for new, old in zip(self.new, self.old, strict=True)]
-        # numerators of the states over the common denominator, then of their differences
+        # First the numerators of the states over the common denominator, then those of their differences.
         level: list[Any] = [_product([*lags[:j], *poles[j:]]) for j in range(self.order + 1)]
         num: Any = np.zeros(1)
         for gain in self.gains:
@@ -133,7 +133,7 @@ def filter_chains(
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
         _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
-        # with the fastest lag first, all terms of the sums below have one sign
+        # With the fastest lag first, all terms of the sums below have the same sign.
         lags = tuple(sorted([part.filter_time] * part.filter_order + [behind[0]] * behind[1]))
         for suffix, weight, gains in _by_weight(part, bool(lags), b, c):
             name, before = summed_gains.get((weight, lags), (part.name + suffix, 0.0))
@@ -182,7 +182,7 @@ def _by_weight(
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # a filtered integral needs lags of its own, for the part of the input that it has not integrated yet
+    # A filtered integral needs separate lags for the part of the input that it has not integrated yet.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
@@ -236,7 +236,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     rates = h / lags
     poles, shares = np.exp(-rates), -np.expm1(-rates)
     fastest = rates.max(axis=-1)[..., None]
-    # generator of input and states; with its diagonal shifted to 0 or above, the series has no cancellation
+    # The diagonal of the generator of input and states is shifted to 0 or above, so that the series has no
+    # cancellation.
     shifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
     diagonal, after = np.arange(n + 1), np.arange(1, n + 1)
     shifted[..., diagonal, diagonal] = fastest - np.insert(rates, 0, 0.0, axis=-1)
@@ -250,11 +251,11 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     to_states[..., 0, 0] = 1.0
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
-        # the other poles less that of a faster lag are not negative
+        # The differences to the pole of a faster lag are not negative.
         slower = np.tril(transition[..., 1:, 1:], -1)
         slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
         column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]
-    # convert the gains: on states of the chain, on states of discrete lags, on differences of these
+    # Convert the gains on states of the chain to gains on states of discrete lags, then to gains on their differences.
     on_states = np.zeros(gains.shape)
     for m in range(n + 1):
         for j in range(m + 1):
@@ -264,7 +265,7 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     for j in range(n + 1):
         for m in range(n - j + 1):
             result[..., m] += math.comb(n - j, m) * on_discrete[..., j]
-    result[..., 0] = gains[..., 0]  # the static gain
+    result[..., 0] = gains[..., 0]  # static gain
     return result
 
 
@@ -332,7 +333,7 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
     A = (np.eye(n, k=1) - np.eye(n)) * (h / tau)
     A[-1] -= d[:-1] / d[-1] * (h / tau)
     if method == "zoh":
-        # the exponential of (A A; 0 0) has e^A - 1 at the upper right, without cancellation
+        # The exponential of (A A; 0 0) contains e^A - 1 at the upper right, without cancellation.
         from scipy.linalg import expm
 
         move = expm(np.block([[A, A], [np.zeros((n, 2 * n))]]))[:n, n:]
@@ -348,7 +349,7 @@ def _in_powers_of_p(polynomial: Array, tau: float, n: int) -> Array:
     """Return coefficients of p^0 to p^n, p = 1 + tau s, of a polynomial of s in descending powers."""
     result = np.zeros(n + 1)
     for coefficient in polynomial / tau ** np.arange(polynomial.size - 1.0, -1.0, -1.0):
-        # Horner's rule: multiply by tau s = p - 1, and add the next coefficient
+        # Horner's rule multiplies by tau s = p - 1 and adds the next coefficient.
         result = np.concatenate([[0.0], result[:-1]]) - result
         result[0] += coefficient
     return result

@@ -57,7 +57,7 @@ class Parameters:
     tunable: bool = False
 
     def __post_init__(self) -> None:
-        # checks return the numbers as floats; the fields are frozen, so they are set through vars
+        # The checks return numbers as floats. The fields are frozen, so they are set through vars.
         checked = _numbers(self)
         for name in ("integrates", "from_signal", "feedforward", "tunable"):
             checked[name] = _flag(name, getattr(self, name))

@@ -1,15 +1,15 @@
 """The step of a digital controller as a list of statements, specialised to what the controller has.
 
-This is the only description of the step. Languages print it, ``step`` runs it as Python, and simulations compile it
-(`pidalab.simulation.operations`). The order is: check the inputs; prefilter; deadband; filter chains; tracking;
-integral; limits of rate and range; anti-windup.
+This is the only description of the step. It is written in several languages, run as Python by ``step``, and compiled by
+simulations (`pidalab.simulation.operations`). The order is: check the inputs; prefilter; deadband; filter chains;
+tracking; integral; limits of rate and range; anti-windup.
 
 The step is defined for any input: the control signal is always a number within the limits. A sample with an input that
 is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped: states and control signal keep their values, and `fault` is
 true. For all other inputs nothing overflows.
 
 An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``, which every language
-has. All names are made here.
+has. This module makes all names.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_v
 }
 MORE = {"feedforward": "real", "retuned": "bool"}  # optional inputs
 BOOLEANS = ("forced", "by_hand")
-# constants that stay constants in a tunable controller
+# Constants that do not become variables in a tunable controller.
 FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")
 UNIT_GAIN = re.compile(r"PART_\d+_(NEW|OLD)(_\d+)?|TRACKING_GAIN|BACK_CALCULATION_GAIN")  # gains from 0 to 1
 
@@ -149,7 +149,7 @@ def program(k: Parameters, block: bool = False) -> Program:
         states |= dict.fromkeys(_path_states(path, i), 0.0)
         body += _path_statements(path, i, named)
     body += [] if k.paths or block else [Set("summed", "0.0")]
-    named |= {"feedforward": 0.0} if k.feedforward else {}  # an input that is added as the bias is
+    named |= {"feedforward": 0.0} if k.feedforward else {}  # an input that is added like the bias
     body += _tracking(k, named)
     if k.integrates:
         states |= {"follow": False, "integral_part": 0.0, "carry": 0.0}
@@ -195,7 +195,7 @@ def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
 
 def _skipped(k: Parameters, named: dict[str, float]) -> list[Statement]:
     """Return the statements for a skipped sample: the signal holds, unless an operator sets it."""
-    # the next good sample continues from the present signal, as after manual mode
+    # The next valid sample continues from the present signal, as after manual mode.
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
     limited = [*_limited(named), *_at_limit(k), Set("control", "limited")]
     body: list[Statement] = [
@@ -264,7 +264,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(named)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
-        # the error of this sample is added in the next one: clamp it, too
+        # The error of this sample is added in the next one, so it is clamped, too.
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
@@ -284,7 +284,8 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # an increment beyond the remaining room takes that room; if the integral rested instead, it could lock up
+    # An increment that exceeds the remaining range is reduced to that range. If the integral stopped instead, it could
+    # lock up.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [
@@ -416,12 +417,12 @@ def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list
         for j in range(1, n + 1):
             x = f"{name}_{j}"
             body.append(Set(x, f"{x} + {_share(path, i, 'NEW', j)} * ({level[j - 1]} - {x})"))
-    elif n:  # the last lag first, since each takes the previous state of the one before it
+    elif n:  # the last lag first, since each needs the previous state of the one before it
         for j in range(n, 0, -1):
             x = f"{name}_{j}"
             body.append(Set(x, f"{x} + {_share(path, i, 'OLD', j)} * ({name}_{j - 1} - {x})"))
     body += [Set(f"{name}_0", "entering")] if any(path.old) else []
-    # differences that end at the last state, order by order
+    # The gains act on the differences that end at the last state.
     first = i == 0
     highest = max((m for m, gain in enumerate(path.gains) if gain), default=0)
     for m in range(highest + 1):

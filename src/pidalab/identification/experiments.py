@@ -17,10 +17,10 @@ from pidalab.areas import RecordWarning
 from pidalab.areas.measured import is_record
 from pidalab.process import Process, ipdt
 
-LEVELS = (0.05, 0.353, 0.853)  # of the change, in the formulas of the three-point model
-OVERSHOOT = 0.1  # largest overshoot, for noise: the model has real poles
-MOST_ENDS = 400  # intervals of a record to which a ramp is fitted
-# change of the mean between the last two tenths of a record, relative to the whole change
+LEVELS = (0.05, 0.353, 0.853)  # levels of the three-point model, as shares of the change
+OVERSHOOT = 0.1  # largest overshoot, an allowance for noise, since the model has real poles
+MOST_ENDS = 400  # number of intervals of a record to which a ramp is fitted
+# Largest change of the mean between the last two tenths of a record, relative to the whole change.
 STILL_MOVING = 0.01
 NOISY = 0.01  # noise of a record, relative to the whole change, above which single samples mislead
 # above it, a loop tuned with the model has a clearly larger Ms with the process
@@ -238,7 +238,7 @@ def ipdt_tangent(
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2
     slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
-    # the steepest in the direction of the change: the record may first go the other way
+    # The slope is taken in the direction of the change, since the record may first move the other way.
     i = int(np.argmax(slopes * np.sign(change)))
     middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
     delay = middle - (level - y[0]) / slopes[i]
@@ -287,7 +287,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     t, y = _check.signals(t, y=y)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
     order = _check.order("filter_order", filter_order, at_least=1)
-    # lags in series, in units of the filter time; `lsim` interpolates the input linearly
+    # These are lags in series, in units of the filter time. `lsim` interpolates the input linearly.
     lags = np.eye(order, k=-1) - np.eye(order)
     first, last = np.eye(order)[:, :1], np.eye(order)[-1:]
     _, filtered, _ = lsim((lags, first, last, [[0.0]]), y - y[0], h * np.arange(t.size))
@@ -370,19 +370,19 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     For a start between two samples the sums over the later samples are constants, so the best start and slope are those
     of a regression line, clipped to the interval. The best of all intervals and their ends is taken.
     """
-    # sums over the samples from the i-th on
+    # Sums over the samples from the i-th on.
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))
     i = np.arange(1, t.size - 2)  # at least two samples on the ramp
     spread = count[i] * stt[i] - st[i] ** 2
     slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
-    # start at which the regression line meets the rest level
+    # The start is where the regression line meets the rest level.
     with np.errstate(divide="ignore", invalid="ignore"):
         free = (st[i] - sy[i] / slope) / count[i]
     inside = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
-    # the minimum may lie outside the interval: then one of its ends is best
+    # If the minimum is outside the interval, one of its ends is best.
     delay, i = np.concatenate([inside, t[i - 1], t[i]]), np.tile(i, 3)
     square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
-    best = int(np.argmax(product**2 / square))  # the reduction of the sum of squares
+    best = int(np.argmax(product**2 / square))  # largest reduction of the sum of squares
     return float(product[best] / square[best]), float(delay[best])
 
 
@@ -399,7 +399,7 @@ def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> 
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record: it has its own")
         times, response = t.after_step()
-        response[0] = 0.0  # the rest level of a Record is a mean, which is better than one sample
+        response[0] = 0.0  # the rest level of a Record is a mean, which is more accurate than one sample
         change = abs(float(np.mean(response[-max(1, response.size // 10) :])))
         noise = t.noise.deviation / abs(t.step.after - t.step.before)
         if noise > NOISY * change:
@@ -423,7 +423,7 @@ def _rise_time(t: Array, y: Array) -> float:
     """Return the time from a tenth to nine tenths of the whole change of a record."""
     share = (y - y[0]) / (np.mean(y[-max(1, y.size // 10) :]) - y[0])
     before, after = np.flatnonzero(share < 0.1), np.flatnonzero(share > 0.9)
-    return float(t[after[0]] - t[before[before < after[0]][-1]])  # some sample reaches a mean
+    return float(t[after[0]] - t[before[before < after[0]][-1]])  # at least one sample reaches a mean
 
 
 def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:

@@ -1,4 +1,4 @@
-"""The controller with the least IAE: checks its arguments, searches, and returns a `Design`."""
+"""Search for the controller with the least IAE."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_response, simulate_until_settled
 
-HIGHEST_ORDER = 4  # order of a controller
-ACTIVE = 1e-3  # share of a limit within which it is called active
-NEGLIGIBLE_ACTION = 1e-6  # share of the largest action, at the corner of the filter
-UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # of time, since a limit of noise may make a loop slow
-SLOWEST_SAMPLING = 100.0  # largest sample time, in the shortest unit
-# relative difference between the IAE of the search and that of the simulation, above which the unit is too short
+HIGHEST_ORDER = 4  # highest order of a controller
+ACTIVE = 1e-3  # relative distance to a limit below which it is active
+NEGLIGIBLE_ACTION = 1e-6  # relative to the largest action, at the corner of the filter
+UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # units of time, since a limit of noise may make a loop slow
+SLOWEST_SAMPLING = 100.0  # largest sample time, in units of the shortest unit of time
+# If the IAE of the search and that of the simulation differ by more than this, the unit of time is too short.
 SAME_IAE = 0.02
-VALLEY_REACH = 2.0  # factor by which the values of two valleys differ at most
-BEST = 3  # searches that are brought to the end
-SAME_END = 1e-4  # share by which values of descents differ that may have the same end
-# standard deviations of the logarithms of the gains and of the filter time, for the random starts of the last descents
+VALLEY_REACH = 2.0  # largest ratio of the values of two local optima that are reported
+BEST = 3  # number of searches that are refined
+SAME_END = 1e-4  # relative difference below which two descents may have the same end
+# Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
 
@@ -51,7 +51,7 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # the least value, and what other descents ended with up to VALLEY_REACH times it, in units of time of the problem
+    # the least value, and the values of other local optima up to VALLEY_REACH times it, in units of time of the problem
     valleys: tuple[float, ...]
 
 
@@ -74,7 +74,7 @@ def load(
     Parameters
     ----------
     process : Process
-        The plant, dead time exact; if it is unstable, search that a PI controller can hold.
+        The plant, dead time exact. An unstable one must be stabilised by a PI controller.
     order : int
         Highest derivative m: 0 for PI, 1 for PID, 2 for PIDA, at most 4. The filter has order m + 1.
     ms : float, optional
@@ -85,47 +85,44 @@ def load(
     mt : float, optional
         Largest allowed maximum of \|T\|, above 1; by default none.
     disk : float, optional
-        Smallest allowed disk margin, between 0 and 2, as `pidalab.margins` has it; by default none. The circle that
-        encloses those of Ms = M and Mt = M is that of the disk margin 2/(2M - 1).
+        Smallest allowed disk margin, between 0 and 2, as of `pidalab.margins`; by default none. The circle of the disk
+        margin 2/(2M - 1) encloses those of Ms = M and Mt = M.
     noise_gain : float, optional
-        Largest allowed standard deviation of u per unit of that of white measurement noise, sampled and held, as
-        `pidalab.noise_gain` has it, in units of u per unit of y; by default none.
+        Largest allowed `pidalab.noise_gain`, in units of u per unit of y; by default none.
     sample_time : float, optional
-        Sample time of that noise; with `noise_gain` only. By default that of `pidalab.noise_scale`, a hundredth of the
-        ultimate period; a limit of the relative noise gain is then that limit times the ``gain`` of the scale. The
-        filter is not faster than the sample; where this is what holds it back, ``active`` has "sample_time".
+        Sample time of the noise, only with `noise_gain`. By default that of `pidalab.noise_scale`, a hundredth of the
+        ultimate period. To limit the relative noise gain, multiply the limit by the ``gain`` of the scale. The filter
+        time is at least the sample time; if that limits it, ``active`` contains "sample_time".
     family : sequence of Process, optional
-        Plants that the controller may meet in place of the process, all with gains of its sign. The IAE remains that of
-        the process.
+        Other plants that must keep `ms_worst`, with gains of the same sign. The IAE is that of the process.
     ms_worst : float, optional
         Largest allowed maximum sensitivity with each of them, above 1.
     start : Design, optional
-        A design of this function for the same process and order: the search goes on from there, in place of many
+        A design of this function for the same process and order. The search continues from there, instead of from many
         starts.
 
     Returns
     -------
     Design
-        With a `HighOrderPID`, its gains negative for a process with negative gain. Its `info` has ``iae``, ``ms`` and
-        ``mks`` as they are, ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were asked for, ``active`` (the
-        limits that are reached, by name),
-        ``edge`` (what lies at the edge of the search: without a limit of noise that is the filter time, for which
-        shorter would be better) and ``valleys`` (the IAE at which descents from different starts ended: first that of
-        the design, then others up to twice of it, to two digits; with `start` there is one), and ``digits``: how
-        many digits of the gains, the filter time and the IAE the conditions of the optimum fix, whatever the processor.
+        Design with a `HighOrderPID`, whose gains are negative for a process with negative gain. Its `info` contains
+        ``iae``, ``ms`` and ``mks``; ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were limited; ``active``,
+        the names of the limits that are reached; ``edge``, the variables at the edge of the search (without a limit of
+        noise the filter time, which would better be shorter); ``valleys``, the IAE of different local optima, first
+        that of the design, then others up to twice as large, to two digits (with `start` only the first); and
+        ``digits``, the number of digits of gains, filter time and IAE that are the same on every processor.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, limits that contradict each other or the process (whatever the controller, its
-        integral action makes \|C S\| at zero frequency 1/\|P(0)\|), and a process for which no controller of this order
-        was found that keeps them, or none with which all of the family keep theirs.
+        For arguments out of range, limits that contradict each other or the process (for any controller with integral
+        action \|C S\| is 1/\|P(0)\| at zero frequency), and a process for which no controller of this order was found
+        that keeps the limits, also with all of the family.
 
     Notes
     -----
-    The search is deterministic and has many starts, but proves no global optimum. It ends in a point that meets the
-    conditions of a local one: the limits that are reached as equations, and a stationary Lagrangian. With a family it
-    goes on from the optimum of the process alone, and takes the worst plants in until all keep their limit.
+    The search is deterministic and has many starts, but it does not prove a global optimum. Its end satisfies the
+    conditions of a local optimum: the active limits hold as equations, and the Lagrangian is stationary. With a family
+    the search continues from the optimum of the process alone, and adds the worst plants until all keep their limit.
 
     Examples
     --------
@@ -154,7 +151,7 @@ def load(
 def least_iae(
     process: Process, order: int, requirements: Requirements, start: Design | None = None
 ) -> Design:
-    """Return the controller with the least IAE for a step of the load, as `load`, for requirements in one record.
+    """Return the controller with the least IAE for a load step, as `load`, for requirements in one record.
 
     Parameters
     ----------
@@ -194,7 +191,9 @@ def least_iae(
     if limits.mks is not None and math.isfinite(static) and limits.mks * abs(static) <= 1:
         raise ValueError(f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, found {limits.mks:g}")
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in limits.family):
-        raise ValueError("family must have gains of the sign of the process: none stabilises both signs")
+        raise ValueError(
+            "family must have gains of the sign of the process, since no controller stabilises both signs"
+        )
     searches: list[Search] = []
     best = _best(process, order, limits, searches, start)
     if best is None and any(search.family for search in searches):
@@ -213,20 +212,20 @@ def _best(
     searches: list[Search],
     start_design: Design | None,
 ) -> Design | None:
-    """Return the best design over the units of time; if no candidate keeps the limits, from approached starts.
+    """Return the best design over several units of time. If no candidate keeps the limits, approach them first.
 
     Notes
     -----
-    Each way to start is tried in longer and longer units of time, until the response of the search agrees with the
-    simulated one to `SAME_IAE`. `best` is the best design so far. The family is guarded only from the end of a search
-    without it, since its limits are rarely reached.
+    Each kind of start is tried in increasing units of time until the IAE of the search agrees with the simulated one to
+    `SAME_IAE`. `best` is the best design so far. The family is considered only after a search without it, since its
+    limits are rarely reached.
     """
     import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 
     class Progress(tqdm):  # type: ignore[misc]
-        monitor_interval = 0  # no thread of its own, which some platforms refuse
+        monitor_interval = 0  # starts no monitoring thread, which some platforms do not support
 
     positive, *others = (upright(plant) for plant in (process, *limits.family))
     shortest, best = unit_of_time(positive, limits), None
@@ -235,14 +234,14 @@ def _best(
             f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, "
             f"found {limits.sample_time:g}"
         )
-    # the matrices are small: other threads would make the search up to ten times slower
+    # With such small matrices, other threads would make the search up to ten times slower.
     with (
         threadpool_limits(limits=1, user_api="blas"),
         Progress(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
     ):
         ways: list[Any] = [*([] if start_design is None else [None]), feasible_starts, approached]
         for start, factor in product(ways, UNITS_TRIED):
-            # if only the family prevents a design, other starts lead to the same end
+            # If only the family prevents a design, other starts end at the same controller.
             if factor == UNITS_TRIED[0] and (best is not None or any(search.family for search in searches)):
                 break
             search = search_in(positive, order, limits, factor)
@@ -254,7 +253,7 @@ def _best(
                 result = None if end is None else SearchResult(end, (end.value,))
             else:
                 starts = start(search)
-                result = descend_ladder(search, starts, bar) if starts else None
+                result = descend_over_filter_times(search, starts, bar) if starts else None
             if result is None:
                 continue
             if others:
@@ -267,12 +266,12 @@ def _best(
             if best is None or design.iae < best.iae:
                 best = design
             if design.iae - result.best.value * search.problem.time < SAME_IAE * design.iae:
-                break  # the response of the search is long enough
+                break  # the horizon of the search is long enough
     return best
 
 
 def _refusal(searches: list[Search]) -> str:
-    """Return the message that says what prevents a design, from searches that found none."""
+    """Return a message on what prevents a design."""
     first = searches[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
@@ -298,7 +297,7 @@ def _refusal(searches: list[Search]) -> str:
 
 
 def _nearest(search: Search, x: Array) -> str:
-    """Return what the nearest controller reaches of the quantities that are limited."""
+    """Return the limited quantities of the controller that is nearest to the limits."""
     values = {**_peaks(search.loop(x)), "noise_gain": search.true_noise(x)}
     return ", ".join(f"{name} = {values[name]:.4g}" for name in search.limits.limits())
 
@@ -315,10 +314,10 @@ def upright(process: Process) -> Process:
 
 
 def judge(process: Process, search: Search, result: SearchResult) -> Design:
-    """Make a design of what was found, judged on the process itself."""
+    """Make a design of the result of a search, evaluated on the process itself."""
     problem, limits, x = search.problem, search.limits, result.best.x
     gains, time = problem.controller(x)
-    # what an action amounts to at the corner of the filter tells whether there is any
+    # Compare the actions at the corner of the filter, to drop negligible ones.
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
     gains[1:] = np.where(amounts < NEGLIGIBLE_ACTION * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
@@ -342,14 +341,14 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
     info["active"] = (*reached, *none)
     info["edge"] = _edge(search, x)
     info["digits"] = int(-math.log10(max(result.best.step, 1e-9)))
-    # the search follows responses for a limited time; the first valley is this design
+    # The search has a limited horizon. The first of the valleys is the simulated IAE of this design.
     scale = info["iae"] / result.valleys[0]
     info["valleys"] = (info["iae"], *(scale * value for value in result.valleys[1:]))
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
 
 
 def _edge(search: Search, x: Array) -> tuple[str, ...]:
-    """Return what lies at the edge of the search, where no limit of the user is the edge."""
+    """Return the variables at the edge of the search that no limit of the user explains."""
     at = search.problem.gains
     slowest = search.bounds[at][1]
     edges = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
@@ -357,49 +356,49 @@ def _edge(search: Search, x: Array) -> tuple[str, ...]:
 
 
 def _iae(loop: Loop, time: float) -> float:
-    """IAE of a unit step of the load, until it has settled."""
+    """Return the IAE of a unit load step until it has settled."""
     try:
         return simulate_until_settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:
-        raise ValueError(f"the limits leave only loops too slow to be followed: {reason}") from None
+        raise ValueError(f"the limits allow only loops that are too slow to simulate: {reason}") from None
 
 
-# --- the walk ---------------------------------------------------------------------------------------------------------
+# --- the search -------------------------------------------------------------------------------------------------------
 
 
-def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResult | None:
-    """Find the best unknowns from starts that keep all limits; None where no descent keeps them.
+def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> SearchResult | None:
+    """Find the best unknowns from starts that keep all limits. Return None if no descent keeps them.
 
     Notes
     -----
-    A PIDA near the PID, with hardly any acceleration, and a true PIDA with a slower filter can each be the best there
-    is nearby. On some plants the first is a local optimum, on others a shelf above the second. Along a ladder of
-    filter times, with the optimum of each rung as the start of the next, both are found: from above, from below, and
-    once more without the highest derivative, which keeps to the first. Descents with a free filter time follow from
-    every rung, and the best of them are finished. Descents from random starts around the best one come last.
+    A PIDA close to the PID, with hardly any acceleration, and a true PIDA with a slower filter can both be local
+    optima. To find both, the filter time is fixed at each value of a grid, and the optimum at one value is the start at
+    the next. `x` is that optimum, and `on_grid` collects all. The grid is passed downwards, upwards, and once more
+    downwards without the highest derivative, which finds the first kind. Descents with a free filter time follow from
+    all of these, and the best are refined. Descents from random starts around the best one come last.
     """
     first = starts[0]
-    x, on_rungs = first, []
-    down, up = search.rungs, search.rungs[::-1]
-    # down, up, and down once more without the highest derivative, to the optimum of the order below
-    for ladder, highest in ((down, LARGEST_GAIN), (up, LARGEST_GAIN), (down, 0.0)):
-        for time in ladder:
+    x, on_grid = first, []
+    down, up = search.filter_times, search.filter_times[::-1]
+    # The last pass, without the highest derivative, leads to the optimum of the order below.
+    for filter_times, highest in ((down, LARGEST_GAIN), (up, LARGEST_GAIN), (down, 0.0)):
+        for time in filter_times:
             value, unknowns, violation = search.descend(
                 search.near(x, first, float(time)), float(time), highest
             )
             if violation <= NEARLY:
                 x = unknowns
-                on_rungs.append((value, unknowns))
+                on_grid.append((value, unknowns))
             bar.update()
-    # the filter time set free: from every rung and the other starts, then to the end from the best
+    # Now the filter time is free. The best ends are refined.
     free = []
-    for start in [*(x for _, x in _distinct(on_rungs, len(on_rungs))), *starts[1:]]:
+    for start in [*(x for _, x in _distinct(on_grid, len(on_grid))), *starts[1:]]:
         value, unknowns, violation = search.descend(start)
         if violation <= NEARLY:
             free.append((value, unknowns))
         bar.update()
     finished: list[Polished] = []
-    for ends in (free, on_rungs):
+    for ends in (free, on_grid):
         for _, start in _distinct(ends, BEST):
             end = finish(search, start, finished)
             finished += [] if end is None else [end]
@@ -408,7 +407,7 @@ def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResul
     else:
         return None
     best = min(finished, key=lambda end: end.value)
-    # a last check: descents from random starts around the best
+    # Descents from random starts around the best one check that it is a local optimum.
     shaken = [search.descend(start) for start in _shaken(search, best.x)]
     kept = [end for end in shaken if end[2] <= NEARLY]
     value, start, _ = min(kept, default=(np.inf, x, 0.0), key=lambda end: end[0])
@@ -420,7 +419,7 @@ def descend_ladder(search: Search, starts: list[Array], bar: Any) -> SearchResul
 
 
 def _shaken(search: Search, x: Array) -> Iterator[Array]:
-    """Yield starts around a controller whose loops are stable, the same at each run."""
+    """Yield random starts around a controller whose loops are stable, the same at each run."""
     rng, at = np.random.default_rng(0), search.problem.gains
     for gains, filter_time in SHAKES:
         start = x.copy()
@@ -431,10 +430,10 @@ def _shaken(search: Search, x: Array) -> Iterator[Array]:
 
 
 def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
-    """Return the value of the best and others that differ, each the least of those next to it.
+    """Return the best value, then the least value of each other local optimum.
 
-    A descent checks its limits on a coarse grid and may end a little beyond them, below the best that keeps them. So
-    the best stands for all ends near or below it.
+    A descent checks its limits on a coarse grid and may violate them slightly, with a value below the best. So the best
+    represents all ends near or below it.
     """
     chosen = [best]
     for value in sorted(others):
@@ -443,12 +442,12 @@ def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
     return tuple(chosen)
 
 
-def _distinct(on_rungs: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
-    """Return the best rungs that are not the same point."""
+def _distinct(on_grid: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
+    """Return the best ends that are different points."""
     chosen: list[tuple[float, Array]] = []
-    for rung in sorted(on_rungs, key=lambda pair: pair[0]):
-        if all(np.max(np.abs(rung[1] - other[1])) > 1e-3 for other in chosen):
-            chosen.append(rung)
+    for end in sorted(on_grid, key=lambda pair: pair[0]):
+        if all(np.max(np.abs(end[1] - other[1])) > 1e-3 for other in chosen):
+            chosen.append(end)
         if len(chosen) == most:
             break
     return chosen

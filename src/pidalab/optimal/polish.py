@@ -1,10 +1,10 @@
-r"""The last steps to an optimum: to the point that its own conditions fix.
+r"""Refinement of an optimum until its optimality conditions hold.
 
-A descent stops where its tolerance is met, and in a flat valley rounding decides where that is. From there Newton's
-method goes on: limits that are reached become equations, each at the frequency of its own peak, and the Lagrangian is
-made stationary, with second derivatives from differences of exact first ones. Each step is a quadratic programme, so
-that limits join and leave by their multipliers (Nocedal and Wright, Numerical Optimization, 2006, ch. 18), solved as
-a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
+A descent stops when its tolerance is met, and in a flat valley rounding decides where that is. Newton's method
+continues from there. Limits that are reached become equations, each at the frequency of its peak, and the Lagrangian
+becomes stationary. Second derivatives are differences of exact first ones. Each step is a quadratic programme, in which
+limits become active or inactive by their multipliers (Nocedal and Wright, Numerical Optimization, 2006, ch. 18). It is
+solved as a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
 """
 
 from __future__ import annotations
@@ -23,48 +23,48 @@ from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
-MAX_FINISHES = 12  # rounds, each with the worst frequency of the one before
-VALLEY_GAP = 1e-2  # share by which the values of two valleys differ at least
-UNPOLISHED = 1e-2  # error of an end whose conditions were not reached
-ALIKE = 0.01  # what two ends of the same valley differ by at most
-BACK = 0.97  # factor that takes all gains back a little
-WORST_PLANTS = 2  # plants of the family that join at a time
-# factor of the gains, steps at most, and by how much a limit may then be missed
+MAX_FINISHES = 12  # rounds, each with the worst frequencies of the round before
+VALLEY_GAP = 1e-2  # least relative difference of the values of two local optima
+UNPOLISHED = 1e-2  # error of an end whose optimality conditions were not reached
+ALIKE = 0.01  # largest difference of two ends at the same local optimum
+BACK = 0.97  # factor that reduces all gains a little
+WORST_PLANTS = 2  # number of plants of the family that are added at a time
+# factor of the gains, largest number of steps, and allowed violation afterwards
 SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
-# supremum of each of what may be limited at all frequencies, and where it lies
+# functions that return the supremum of each quantity that may be limited, and its frequency
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "ms": max_sensitivity,
     "mks": max_control_sensitivity,
     "mt": lambda loop: axis_of(loop).peak(COMPLEMENTARY),
     "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
-ROOM = 1e-9  # share of a limit that is left for rounding
-NEAR_LIMIT = 0.05  # share of a limit within which a peak becomes a condition
-FREQUENCY_STEP, PEAK_STEPS = 1e-5, 8  # of a frequency, for the bend of a peak; steps to its top
-SPACING, LEAST_SPACING = 1e-4, 1e-6  # of the points that second derivatives come from, as a descent sees them
-# Newton steps at most; size of the last step, and the largest that is accepted as the last
+ROOM = 1e-9  # relative allowance for rounding at a limit
+NEAR_LIMIT = 0.05  # relative distance to its limit below which a peak becomes a condition
+FREQUENCY_STEP, PEAK_STEPS = 1e-5, 8  # relative step for the curvature of a peak; Newton steps to its top
+SPACING, LEAST_SPACING = 1e-4, 1e-6  # distance of points for second derivatives, in scaled variables
+# largest number of Newton steps; size of the last step, and largest accepted last step
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
-SMALL_STEP = 1e-3  # step after which second derivatives stay as they are
+SMALL_STEP = 1e-3  # after a smaller step second derivatives are kept
 # trust region: longest step, step near the end, shortest step
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
-LEAST_UNIT = 1e-9  # unit of a gain
-NOMINAL = len(PEAKS)  # kinds of peaks of the process itself: the first of those of other plants
+LEAST_UNIT = 1e-9  # least unit of a gain
+NOMINAL = len(PEAKS)  # kinds below are peaks of the process itself, kinds from here on those of other plants
 
 
 class Polished(NamedTuple):
-    """End of the last steps."""
+    """Result of a refinement."""
 
     value: float  # IAE, in units of time of the problem
     x: Array
-    step: float  # size of the last step, in the units of a descent: the error that is left
-    w: Array  # frequencies of the peaks that come near their limits
+    step: float  # size of the last step in scaled variables, an estimate of the error
+    w: Array  # frequencies of the peaks near their limits
 
 
 class Peaks:
     """Heights of peaks of the process and of |S| with other plants, as smooth functions of the unknowns.
 
-    The kinds of peaks are numbers: those of `PEAKS` first, of which not all may be limited, then one for |S| with
-    each other plant.
+    The kinds of peaks are numbers: first those of `PEAKS`, of which not all are limited, then one for |S| with each
+    other plant.
     """
 
     def __init__(self, search: Search) -> None:
@@ -83,7 +83,7 @@ class Peaks:
         self.others_at_grid = np.array([plant(s) for plant in others]).reshape(-1, s.size)
 
     def log_heights(self, x: Array) -> Array:
-        """Logarithms of all heights over their limits at the frequencies of the grid."""
+        """Return the logarithms of all heights over their limits at the frequencies of the grid."""
         s, plant, actions = self.at_grid
         controller = self.problem._controller(x, s, actions)[0]
         L = plant * controller
@@ -95,7 +95,7 @@ class Peaks:
         return np.vstack([heights, others])
 
     def _plant(self, s: Any, kinds: Array) -> tuple[Any, Any]:
-        """The plant of each peak, and s P'/P."""
+        """Return the plant of each peak, and s P'/P."""
         value, turn = np.empty(s.size, dtype=complex), np.empty(s.size, dtype=complex)
         owner = np.where(kinds < NOMINAL, 0, kinds)
         for kind in np.unique(owner):
@@ -109,19 +109,19 @@ class Peaks:
         return value, turn
 
     def near(self, x: Array) -> tuple[Any, Array]:
-        """Return kinds and frequencies of the peaks that come near their limits."""
+        """Return kinds and frequencies of the peaks near their limits."""
         heights = self.log_heights(x)
         inner = heights[:, 1:-1]
         kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR_LIMIT))
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Second derivatives of the logarithms of heights by that of the frequency, at peaks."""
+        """Return the second derivatives of log heights by log frequency, at peaks."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
     def refine(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
-        """Frequencies of peaks, from the nearest points of the grid, by Newton's method on the slope."""
+        """Return the frequencies of peaks, by Newton's method on the slope from the nearest grid points."""
         log = np.log(w)
         for _ in range(PEAK_STEPS):
             move = np.clip(-self._slope(x, kinds, np.exp(log)) / bend, -0.02, 0.02)
@@ -131,7 +131,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Slope of the logarithm of a height by that of the frequency."""
+        """Return the slope of the log height by log frequency."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
@@ -143,7 +143,7 @@ class Peaks:
         return np.asarray(np.real(a * by_controller + b * by_plant))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
-        """Heights of peaks, and their slopes by the unknowns."""
+        """Return the heights of peaks, and their slopes by the unknowns."""
         s = 1j * w
         controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
         L = self._plant(s, kinds)[0] * controller
@@ -153,7 +153,7 @@ class Peaks:
 
 
 def _parts(kinds: Array, controller: Array, L: Array) -> Any:
-    """Numerators over 1 + L, and both weights, of peaks, of which there are few; with other plants it is |S|."""
+    """Return the numerators over 1 + L and both weights of peaks. With other plants these are of |S|."""
     kind_of_each = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
     each = zip(kind_of_each, controller.tolist(), L.tolist(), strict=True)
     values = [(numerator(kind, c, l), *weights(kind, l)) for kind, c, l in each]
@@ -161,7 +161,7 @@ def _parts(kinds: Array, controller: Array, L: Array) -> Any:
 
 
 class Lagrangian:
-    """IAE and limits as a descent sees them, around a point."""
+    """IAE and limits in scaled variables, around a point."""
 
     def __init__(self, search: Search, x: Array) -> None:
         problem, self.search = search.problem, search
@@ -179,7 +179,7 @@ class Lagrangian:
         return np.clip(self.scaled.back(z), *np.transpose(self.search.bounds))
 
     def value(self, z: Array) -> tuple[float, Any]:
-        """Logarithm of the IAE, and the function of its slope."""
+        """Return the logarithm of the IAE, and the function of its slope."""
         x = self.scaled.back(z)
         value, slope = self.search.fine(x)
         return math.log(value), lambda: self.scaled.slopes(x, slope() / value)
@@ -202,7 +202,7 @@ class Lagrangian:
         return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def violation(self, z: Array) -> tuple[float, float]:
-        """Return the value and the sum of all violations; infinite where the loop is unstable."""
+        """Return the value and the sum of all violations, infinite if the loop is unstable."""
         x = self.scaled.back(z)
         if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
             return math.inf, math.inf
@@ -210,7 +210,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Second derivatives of the Lagrangian, peaks followed to where they lie; of noise as in a descent."""
+        """Return the second derivatives of the Lagrangian, with peaks at their exact frequencies."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -226,21 +226,21 @@ class Lagrangian:
 
 
 def polish(search: Search, x: Array) -> Polished | None:
-    """Go from near an optimum to where its conditions are met; None where Newton's method does not converge.
+    """Refine an approximate optimum until its conditions hold. Return None if Newton's method does not converge.
 
     Notes
     -----
     The state is the point z in the scaled variables of a descent, its value, and the sum of the violations of its
     limits. Each step solves the quadratic programme of sequential quadratic programming (Nocedal and Wright,
-    Numerical Optimization, 2006, ch. 18), within a trust region. Far from the end a step is accepted only if it
-    lowers the value plus the price of violations, and the price is at least twice the largest multiplier. Near the
-    end a step is accepted if it is less than half of the one before, so that the steps shrink until one is below
-    `LAST_STEP`. Second derivatives are computed again while the steps are long. They come from the coarse response at
-    first, and from the fine one as soon as a step shrinks by less than a factor of three.
+    Numerical Optimization, 2006, ch. 18), within a trust region. Far from the end a step is accepted only if it lowers
+    the value plus the penalty times the violations, where the penalty is at least twice the largest multiplier. Near
+    the end a step is accepted if it is less than half as long as the one before, so the steps shrink until one is below
+    `LAST_STEP`. Second derivatives are updated while the steps are long (`stale`). They come from the coarse response
+    at first, and from the fine one as soon as a step shrinks by less than a factor of three.
     """
     lagrangian = Lagrangian(search, x)
     z = np.clip(lagrangian.scaled(x), lagrangian.low, lagrangian.high)
-    trust, price, stale = LARGEST_TRUST, 0.0, True
+    trust, penalty, stale = LARGEST_TRUST, 0.0, True
     before, iae_of, spacing = math.inf, search.iae, SPACING
     value, violation = lagrangian.violation(z)
     eye, hessian = np.eye(z.size), np.zeros(0)
@@ -251,7 +251,7 @@ def polish(search: Search, x: Array) -> Polished | None:
         rows = np.vstack([slopes, eye, -eye])
         slack = np.concatenate([slack, z - lagrangian.low, lagrangian.high - z])
         limits = slack.size - 2 * z.size
-        if stale:  # else the second derivatives of the last step serve
+        if stale:
             multipliers = estimate_multipliers(slope, rows, slack)
             hessian = convex(
                 lagrangian.hessian(z, kinds, w, multipliers[:limits], iae_of, spacing), rows[multipliers > 0]
@@ -262,13 +262,13 @@ def polish(search: Search, x: Array) -> Polished | None:
                 return None
             step, multipliers = solution
             length = float(np.max(np.abs(step)))
-            price = max(price, 2 * float(np.max(multipliers[:limits], initial=0.0)))
+            penalty = max(penalty, 2 * float(np.max(multipliers[:limits], initial=0.0)))
             there, by = lagrangian.violation(z + step)
-            # near the end shrinking steps count, not values: a full step may miss curved limits by a little
+            # A full step may violate curved limits a little, so near the end the length of the step decides.
             is_near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
-            if is_near or there + price * by <= value + price * violation:
+            if is_near or there + penalty * by <= value + penalty * violation:
                 break
-            # the trust region shrinks even if rounding let the step pass it
+            # The trust region shrinks even if the step exceeds it by rounding.
             trust = 0.3 * min(trust, length)
             if trust < LEAST_TRUST:
                 return None
@@ -278,7 +278,7 @@ def polish(search: Search, x: Array) -> Polished | None:
             break
         stale = length > SMALL_STEP or length > 0.1 * before
         if length > 0.3 * before:
-            iae_of, spacing = search.fine, min(SPACING, max(0.1 * length, LEAST_SPACING))  # a closer look
+            iae_of, spacing = search.fine, min(SPACING, max(0.1 * length, LEAST_SPACING))
         before = length
     return Polished(math.exp(value), lagrangian.end(z), length, w) if length < LARGEST_LAST_STEP else None
 
@@ -286,11 +286,11 @@ def polish(search: Search, x: Array) -> Polished | None:
 # --- quadratic programmes ---------------------------------------------------------------------------------------------
 
 
-FLATTEST = 1e-9  # curvature that a direction has at least
+FLATTEST = 1e-9  # least curvature of any direction
 
 
 def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
-    """Return the non-negative multipliers of the limits that are reached which explain the slope best."""
+    """Return the non-negative multipliers of the active limits that fit the slope best."""
     from scipy.optimize import nnls
 
     multipliers = np.zeros(slack.size)
@@ -301,7 +301,7 @@ def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
 
 
 def convex(hessian: Array, reached: Array) -> Array:
-    """Make second derivatives positive definite: along the reached limits as little as possible, off them freely."""
+    """Make second derivatives positive definite, with the least change along the active limits."""
     if reached.size:
         _, sizes, turned = np.linalg.svd(reached)
         free = turned[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
@@ -323,7 +323,7 @@ def convex(hessian: Array, reached: Array) -> Array:
 def solve_qp(
     hessian: Array, slope: Array, rows: Array, slack: Array, trust: float
 ) -> tuple[Array, Array] | None:
-    """Return the step that makes a quadratic function least within limits and trust, and the multipliers of the limits.
+    """Return the step that minimises a quadratic function within limits and trust, and the multipliers of the limits.
 
     It is solved as a least-distance programme [LaH95]_.
     """
@@ -332,9 +332,9 @@ def solve_qp(
     size = slope.size
     rows = np.vstack([rows, np.eye(size), -np.eye(size)])
     slack = np.concatenate([slack, np.full(2 * size, trust)])
-    root = np.linalg.cholesky(hessian)  # lower: hessian = root root^T
+    root = np.linalg.cholesky(hessian)  # hessian = root root^T
     best = np.asarray(-np.linalg.solve(hessian, slope), dtype=float)
-    turned = np.linalg.solve(root, rows.T)  # columns: limits in the metric of the function
+    turned = np.linalg.solve(root, rows.T)  # columns are limits in the metric of the function
     wanted = -slack - rows @ best
     if np.all(wanted <= 0):
         return best, np.zeros(slack.size - 2 * size)
@@ -350,20 +350,20 @@ def solve_qp(
     return step, multipliers[: slack.size - 2 * size]
 
 
-# --- the end ----------------------------------------------------------------------------------------------------------
+# --- refinement -------------------------------------------------------------------------------------------------------
 
 
 def finish(
     search: Search, x: Array, known: Sequence[Polished] = (), last_steps: bool = True
 ) -> Polished | None:
-    """Refine and verify an optimum: descend, polish if asked to, and add frequencies until the limits hold at all.
+    """Refine and verify an optimum: descend, polish if requested, and add frequencies until the limits hold at all.
 
-    None if that fails, or ends at a known end or at a worse one.
+    Return None if that fails, or if the end is known already or worse.
     """
     for _ in range(MAX_FINISHES):
         value, unknowns, violation = search.descend(x, effort=FINE)
         if violation > NEARLY or not search.sound(unknowns):
-            # the descent diverged: again, with smaller gains
+            # The descent diverged, so it is repeated with smaller gains.
             x = np.append(BACK * x[: search.problem.gains], x[-1])
             continue
         if any(
@@ -374,7 +374,7 @@ def finish(
         x, end = unknowns, polish(search, unknowns) if last_steps else None
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
-        for peak in end.w:  # for the descents that follow
+        for peak in end.w:  # These frequencies serve the following descents.
             search.look_at(peak, nearly=True)
         if search.sound(end.x) and _keeps(search, end.x, search.true_noise(end.x)):
             if _safe(search, end.x):
@@ -384,7 +384,7 @@ def finish(
 
 
 def _safe(search: Search, x: Array) -> bool:
-    """Return True if all plants of the family keep their limit; else let the descents see the worst two."""
+    """Return True if all plants of the family keep their limit. Otherwise add the worst two to the descents."""
     loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)
@@ -398,7 +398,7 @@ def _safe(search: Search, x: Array) -> bool:
 
 
 def _shrunk(search: Search, x: Array) -> Array:
-    """Take gains back until the loops with the active plants of the family are stable and near their limits."""
+    """Reduce gains until the loops with the active plants of the family are stable and near their limits."""
     x, gains = x.copy(), search.problem.gains
     for _ in range(SHRINKS):
         loops = (Loop(search.family[k], search.loop(x).controller) for k in search.active)
@@ -410,7 +410,7 @@ def _shrunk(search: Search, x: Array) -> Array:
 
 
 def _keeps(search: Search, x: Array, noise: float) -> bool:
-    """Return True if all limits hold; else add the frequencies where they do not."""
+    """Return True if all limits hold. Otherwise add the frequencies where they do not."""
     loop, kept = search.loop(x), True
     for name, most in search.limits.peaks(0.0).items():
         height, at = SUPREMA[name](loop)

@@ -1,20 +1,20 @@
 r"""The optimisation behind `pidalab.optimal`: error and limits as smooth functions of the gains, with gradients.
 
 The unknowns are the gains, made dimensionless with the gain and the time scale of the process, and the logarithm of the
-filter time. With :math:`C = c/q`, q the filter, everything is
-known at each frequency in closed form:
+filter time. With :math:`C = c/q` and the filter q there are closed forms at each frequency:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
-The responses come from their Laplace transforms on a line right of the axis by a fast Fourier transform: dead time
-exact, the whole gradient for the cost of one more transform. The IAE is the exact integral of the error and twice the
-area on the other side of zero, between samples along straight lines: its slope has no jumps, so that Newton's method
-can end in its least value.
+A fast Fourier transform computes the responses from their Laplace transforms on a line right of the axis, with exact
+dead time. A second transform gives the whole gradient. The IAE is the exact integral of the error plus twice the area
+on the other side of zero, with straight lines between samples. Its slope is continuous, so that Newton's method can
+converge to the minimum.
 
 Limits at all frequencies are those of \|S\|, \|C S\|, \|T\| and half of \|S - T\|. Each is the modulus of t/(1 + L),
-with t = 1, C, L or (1 - L)/2. Where the logarithms of C and P change by c and p, that of L changes by their sum, so
-that of the height by :math:`\operatorname{Re}(a c + b p)`, with
+with
+t = 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by their sum, and the logarithm of the height
+by :math:`\operatorname{Re}(a c + b p)`, with
 
 =================  =========  ==========  =========  =====================
 height             \|S\|      \|C S\|     \|T\|      half of \|S - T\|
@@ -23,7 +23,7 @@ a                  -T         S           S          -2 L/(1 - L²)
 b                  -T         -T          S          -2 L/(1 - L²)
 =================  =========  ==========  =========  =====================
 
-The slopes by the gains, where P stays, and by the frequency are both of this form.
+The slopes by the gains, for which P is constant, and by the frequency both have this form.
 """
 
 from __future__ import annotations
@@ -41,25 +41,26 @@ from pidalab.requirements import Requirements
 from pidalab.robustness.in_z import sampled_plant
 from pidalab.roots import roots
 
-SEARCH_SAMPLES = 2048  # of a response
-DAMPING = 3.0  # real part of the line of the transform, times the horizon
-REST = 1e-3  # share of the integral that the transform may miss
+SEARCH_SAMPLES = 2048  # number of samples of a response
+DAMPING = 3.0  # real part of the line of the transform, multiplied by the horizon
+REST = 1e-3  # allowed relative error of the integral by the transform
 
 GAIN_UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
-BARRIER = 1e9  # value in place of the objective where a step has left the stable loops
+BARRIER = 1e9  # value of the objective for an unstable loop
 
-Slope = Callable[[], Array]  # of a value, where a search needs it: along a line it looks at values alone
+# A line search needs only values, so slopes are computed on request.
+Slope = Callable[[], Array]
 PEAKS = ("ms", "mks", "mt", "inverse_disk")  # half of |S - T| is one over the disk margin
 MS, MKS, MT, INVERSE_DISK = range(4)  # kinds of heights
 
 
 def numerator(kind: int, controller: Any, L: Any) -> Any:
-    """Numerator over 1 + L of a kind of height."""
+    """Return the numerator over 1 + L of a kind of height."""
     return (1.0, controller, L)[kind] if kind != INVERSE_DISK else 0.5 * (1 - L)
 
 
 def weights(kind: int, L: Any) -> tuple[Any, Any]:
-    """Return a and b of the table above: the weights of changes of ln C and ln P in that of ln of a height."""
+    """Return a and b of the table above, the weights of changes of ln C and ln P."""
     if kind == INVERSE_DISK:
         both = -2 * L / (1 - L * L)
         return both, both
@@ -69,23 +70,23 @@ def weights(kind: int, L: Any) -> tuple[Any, Any]:
 
 
 def turned(f: Any) -> float:
-    """Angle by which a function turns from point to point: the argument principle, where points lie close enough."""
+    """Return the angle by which a function turns along points that are close enough, for the argument principle."""
     return float(np.angle(f[1:] / f[:-1]).sum())
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Frequencies, and those at which a dead time has turned the phase by some angles, up to an end, in order."""
+    """Return sorted frequencies with those added, up to an end, at which a dead time turns the phase by some angles."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
 
 class Problem:
-    """One process and one order: the IAE of a design, and the slack of its limits.
+    """IAE and slack of the limits for one process and one order.
 
     Parameters
     ----------
     process : Process
-        With positive gain.
+        Process with positive gain.
     order : int
         Highest derivative.
     scale : tuple of float
@@ -95,37 +96,37 @@ class Problem:
     def __init__(self, process: Process, order: int, scale: tuple[float, float]) -> None:
         self.process, self.order = process, order
         self.gain, self.time = scale
-        # units of the gains K_-1 ... K_m
+        # Units of the gains K_-1 ... K_m.
         self.units = self.time ** np.arange(-1.0, order + 1) / self.gain
         self._characteristic()
         self.gains, self.size = order + 2, order + 3
 
     def controller(self, x: Array) -> tuple[Array, float]:
-        """Gains K_-1 ... K_m and filter time of a vector of unknowns."""
+        """Return gains K_-1 ... K_m and filter time of a vector of unknowns."""
         return x[: self.gains] * self.units, self.time * float(np.exp(x[self.gains]))
 
     def unknowns(self, gains: Array, time: float) -> Array:
-        """Vector of unknowns of gains K_-1, K_0, ..., of which the last may be missing, and a filter time."""
+        """Return the unknowns for gains K_-1, K_0, ..., of which the last may be missing, and a filter time."""
         x = np.zeros(self.size)
         x[: len(gains)] = gains / self.units[: len(gains)]
         x[-1] = np.log(time / self.time)
         return x
 
     def _actions(self, s: Any) -> Any:
-        """s^-1 ... s^m at complex s, for unknowns without dimension and without the filter."""
+        """Return s^-1 ... s^m at complex s, in units of the unknowns, without the filter."""
         return self.units[:, None] * s ** np.arange(-1.0, self.order + 1)[:, None]
 
     def _filter(self, x: Array, s: Any) -> tuple[Any, Any]:
-        """The filter at complex s, and one of its lags."""
+        """Return the filter at complex s, and one of its lags."""
         _, tf = self.controller(x)
-        # products: numpy takes the powers of complex arrays by logarithms
+        # Products are used, since numpy computes powers of complex arrays by logarithms.
         filtered = lag = 1 / (1 + tf * s)
         for _ in range(self.order):
             filtered = filtered * lag
         return filtered, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Controller at complex s, and its slopes by the gains and, when asked, by the logarithm of the filter time."""
+        """Return the controller at complex s, and its slopes by the gains and, on request, by the log filter time."""
         filtered, lag = self._filter(x, s)
         by_gains = actions * filtered
         controller = x[: self.gains] @ by_gains
@@ -134,29 +135,29 @@ class Problem:
     def iae(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
         """Return the function that gives the IAE of a step of the load, and the function of its gradient.
 
-        What comes after the horizon counts as IE.
+        After the horizon the integral of the error is used.
         """
         s = DAMPING / horizon + 2j * np.pi / horizon * np.arange(samples // 2 + 1)
         step = horizon / samples
         growth = np.exp(DAMPING * np.arange(samples) / samples) / step
         plant, actions = self.process(s), self._actions(s)
         disturbed = plant / s
-        both_signs = np.full(s.size, 2.0 / samples)  # a frequency stands for its negative too
+        both_signs = np.full(s.size, 2.0 / samples)  # Each frequency also represents its negative.
         both_signs[[0, -1]] *= 0.5
 
         def value(x: Array) -> tuple[float, Slope]:
             filtered, lag = self._filter(x, s)
             controller = (x[: self.gains] @ actions) * filtered
             sensitivity = 1 / (1 + plant * controller)
-            e = disturbed * sensitivity  # the error is -y; its sign does not matter
+            e = disturbed * sensitivity  # The error is -y. Its sign does not matter.
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # an integral beyond the horizon of the other sign counts against the design
+            # If the integral beyond the horizon has the other sign, it is a penalty for the design.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
-                # by Parseval the integral of weight times slope over time is one over frequency: one transform
+                # By Parseval the integral of weight times slope over time is one over frequency, by a single transform.
                 weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
@@ -171,8 +172,8 @@ class Problem:
     def _characteristic(self) -> None:
         r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` on the axis, for a process b/a of order n.
 
-        Its zeros are the poles of the loop, its own poles are stable: along the axis f turns by -pi for each unstable
-        one.
+        Its zeros are the poles of the loop, and its poles are stable. So f turns by -pi along the axis for each
+        unstable pole of the loop.
         """
         process, sigma = self.process, 1 / self.time
         speeds = np.abs(roots(process.den)) * self.time
@@ -182,7 +183,7 @@ class Problem:
         self.axis = s = 1j * around / self.time
         scale = (s + sigma) ** -len(process.den)
         self.own = s * np.polyval(process.den, s) * scale
-        # with the s of the function the actions are K_-1 + K_0 s + ...
+        # With the factor s of the function the actions are K_-1 + K_0 s + ...
         fed_back = np.polyval(process.num, s) * np.exp(-s * process.delay) * scale
         self.fed_back = fed_back * self.units[:, None] * s ** np.arange(self.order + 2.0)[:, None]
 
@@ -194,8 +195,8 @@ class Problem:
     def slack(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
         """Return the function of the slack of limits at frequencies w, and of its gradient.
 
-        The limits are those of `PEAKS`, by name. With another process in place of the problem's own, if one is given.
-        With r the square of a height over its limit it is 1/r - 1 of |S|, and (1 - r)/(1 + r) of the others.
+        The limits are those of `PEAKS`, by name. Another process may replace that of the problem. With r, the square of
+        a height over its limit, the slack is 1/r - 1 for |S| and (1 - r)/(1 + r) for the others.
         """
         s = 1j * w
         plant, actions = (process or self.process)(s), self._actions(s)
@@ -223,11 +224,11 @@ class Problem:
 
 
 def _other_side(error: Array) -> tuple[float, Array]:
-    """Sum over the steps of the mean of what is below zero along straight lines, and its slope by the samples."""
+    """Return the sum over all steps of the mean negative part along straight lines, and its slope by the samples."""
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
-    # the share of the step that is below zero, all of it where both ends are
+    # `share` is the part of the step below zero, all of it if both ends are negative.
     share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
     below = np.minimum(high, 0.0)
     by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
@@ -238,27 +239,27 @@ def _other_side(error: Array) -> tuple[float, Array]:
 
 
 class CachedValueAndSlope:
-    """A function that gives a value and a function of its slope; the last point is kept."""
+    """Function that returns a value and a function of its slope, with the last point cached."""
 
     def __init__(self, both: Any) -> None:
         self.both, self.place = both, b""
 
     def _at(self, x: Array) -> tuple[Any, Any]:
-        if x.tobytes() != self.place:  # a tenth of the time that arrays take to be compared
+        if x.tobytes() != self.place:  # Comparing bytes takes a tenth of the time of comparing arrays.
             self.place, self.last = x.tobytes(), self.both(x.copy())
         return self.last
 
     def value(self, x: Array) -> Any:
-        """Value at x."""
+        """Return the value at x."""
         return self._at(x)[0]
 
     def slope(self, x: Array) -> Any:
-        """Slope at x."""
+        """Return the slope at x."""
         return self._at(x)[1]()
 
 
 class Scaled:
-    """Scaling of a descent: the logarithm of the integral gain, the others in units of where the descent starts."""
+    """Scaling of a descent: logarithm of the integral gain, other gains in units of their values at the start."""
 
     def __init__(self, start: Array, gains: int) -> None:
         self.unit = np.ones(start.size)
@@ -277,7 +278,7 @@ class Scaled:
         return x
 
     def slopes(self, x: Array, by_x: Array) -> Array:
-        """Scale slopes by the unknowns."""
+        """Convert slopes by the unknowns to slopes by scaled unknowns."""
         by_z = by_x * self.unit
         by_z[..., 0] = by_x[..., 0] * x[0]
         return by_z
@@ -296,21 +297,21 @@ class Scaled:
 
 
 class SampledNoise:
-    r"""The variance of u per unit of that of white noise in the sampled loop, and its gradient.
+    r"""Square of the noise gain of the sampled loop, and its gradient.
 
     Parameters
     ----------
     problem : Problem
-        Whose unknowns count.
+        Problem that defines the unknowns.
     sample_time : float
-        Of controller and noise; no filter may be faster.
+        Sample time of controller and noise. No filter time may be shorter.
     density : int, optional
-        How many times as many frequencies; 1 is good for four digits.
+        Factor of the number of frequencies; 1 gives four digits.
 
     Notes
     -----
-    The controller is discretised for held inputs, as `pidalab.noise_gain` runs it. It is a sum of lags behind a hold,
-    whose responses from sample to sample follow from one another: with :math:`a = e^{-\rho}`, :math:`\rho = h/T_F`,
+    The controller is discretised for held inputs, as in `pidalab.noise_gain`. It is a sum of lags behind a hold, whose
+    sampled responses satisfy a recursion with :math:`a = e^{-\rho}` and :math:`\rho = h/T_F`,
 
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
 
@@ -329,12 +330,12 @@ class SampledNoise:
         self.moved = np.prod((self.z - outside) / (self.z - 0.5 * outside / np.abs(outside)), axis=0)
         self.integrator = sample_time / (self.z - 1)
         self._expand()
-        # trapezoids over the upper half of the circle
+        # weights of the trapezoidal rule over the upper half of the circle
         steps = np.diff(self.w)
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
 
     def __call__(self, x: Array) -> tuple[float, Slope]:
-        """Variance at a vector of unknowns, and the function of its gradient."""
+        """Return the variance at a vector of unknowns, and the function of its gradient."""
         controller, controller_slopes = self._controller(x)
         sensitivity = 1 / (1 + self.plant * controller)
         u = controller * sensitivity
@@ -348,23 +349,23 @@ class SampledNoise:
         return float(np.abs(u) ** 2 @ self.weight), slope
 
     def gain(self, x: Array) -> float:
-        """Noise gain, infinite where the sampled loop is unstable."""
+        """Return the noise gain, infinite if the sampled loop is unstable."""
         return math.inf if self.unstable(x) else math.sqrt(self(x)[0])
 
     def unstable(self, x: Array) -> bool:
-        """Return True if 1 + L, with its unstable poles moved inside, turns as in an unstable loop."""
+        """Return True if 1 + L, with unstable poles of L moved inside the circle, turns as in an unstable loop."""
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
-        # the function is real at both ends
+        # The function is real at both ends.
         return abs(turned(np.append(f[0].real, f))) > 0.5 * np.pi
 
     def _expand(self) -> None:
-        """Write the actions behind the filter, T^k s^k/(1 + T s)^n, and their slopes by the logarithm of T, in lags.
+        """Expand the filtered actions, T^k s^k/(1 + T s)^n, and their slopes by log T, in lags.
 
         With :math:`Ts = (1 + Ts) - 1` they are sums of lags with the coefficients of :math:`(1 - 1/(1 + Ts))^k`.
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        self.actions[0, 1 : n + 1] = -1.0  # K_-1: what the filter makes of 1/s, less 1/s itself
+        self.actions[0, 1 : n + 1] = -1.0  # For K_-1 this is filtered 1/s less 1/s.
         self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):
@@ -373,7 +374,7 @@ class SampledNoise:
                 self.by_time[k + 1, n - k + j] = -n * math.comb(k + 1, j) * (-1) ** j
 
     def _controller(self, x: Array) -> tuple[Array, Callable[[], Array]]:
-        """Sampled controller at the frequencies, and what makes its slopes by gains and log of the filter time."""
+        """Return the sampled controller at the frequencies, and parts of its slopes by gains and log filter time."""
         n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
         powers = time ** np.arange(1.0, -n, -1.0)
         lags = self._lags(time, n + 1).view(float)  # real numbers times pairs of them
@@ -391,7 +392,7 @@ class SampledNoise:
         return controller, slopes
 
     def _lags(self, time: float, most: int) -> Array:
-        """Responses of 0, 1, ..., most equal lags behind a hold, from sample to sample."""
+        """Return the sampled responses of 0, 1, ..., most equal lags behind a hold."""
         from scipy.special import gammainc
 
         rho = self.h / time
@@ -407,7 +408,7 @@ class SampledNoise:
 
 
 def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
-    """Frequencies up to half that of sampling: by decades, evenly, and where the dead time turns the phase."""
+    """Return frequencies up to half the sampling frequency: by decades, evenly, and for turns of the dead time."""
     top = np.pi / h
     lowest = min(1e-4 / time, 1e-3 / h)
     w = np.append(np.geomspace(lowest, top, 400 * density), np.linspace(0.01 * top, top, 250 * density))
@@ -417,15 +418,15 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-CORNER = -0.75 * math.pi  # phase of the process at the frequency that sets the unit of time
-INTEGRATORS_TURN = 0.25 * math.pi  # the same, after what several integrators turn it by
-# factor by which a limit of noise has to be slower than that phase before it sets the unit
+CORNER = -0.75 * math.pi  # phase of the process at the frequency that determines the unit of time
+INTEGRATORS_TURN = 0.25 * math.pi  # the same, beyond the phase of several integrators
+# A limit of noise determines the unit only if it is slower than that phase by this factor.
 NOISE_SLOWDOWN = 8.0
-QUIET_SHARE = 0.1  # of the noise allowed, proportional action in that unit, where nothing else sets it
+QUIET_SHARE = 0.1  # share of the noise limit for proportional action, if nothing else determines the unit
 
 
 def unit_of_time(process: Process, limits: Requirements) -> float:
-    """Unit of time in which a loop around the process has numbers near 1, if nothing but robustness limits it."""
+    """Return a unit of time in which a loop around the process, limited only by robustness, has numbers near 1."""
     poles = roots(process.den)
     integrators = int(np.sum(poles == 0))
     speeds = np.abs(np.concatenate([poles, roots(process.num)]))
@@ -434,7 +435,7 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
     if not corners.size:
         return _by_noise(process, integrators, limits)
     growing = np.max(poles.real, initial=0.0)
-    if growing > 0:  # between what runs away and what cannot be answered sooner
+    if growing > 0:  # For an unstable process: between the growth rate and the fastest possible reaction.
         return 1 / math.sqrt(growing * float(corners.max()))
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
     at_rest = -0.5 * np.pi * integrators
@@ -445,20 +446,20 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
 
 
 def _loudest(process: Process, limits: Requirements, w: Array) -> float:
-    """Frequency up to which a loop can act under a limit of noise: to act is to have |C S| near 1/|P|."""
+    """Return the frequency up to which a limit of noise permits control, where |C S| is near 1/|P|."""
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)
     if limits.mks is not None:
         able &= asked <= limits.mks
     if limits.noise_gain is not None and limits.sample_time is not None:
-        # white noise that is sampled has its power below pi over the sample time, evenly
+        # The power of sampled white noise is uniform below pi over the sample time.
         power = np.cumsum(asked**2 * np.gradient(w)) * limits.sample_time / np.pi
         able &= power <= limits.noise_gain**2
     return float(w[able].max()) if able.any() else math.inf
 
 
 def _by_noise(process: Process, integrators: int, limits: Requirements) -> float:
-    """The unit for integrators alone, around which nothing but noise limits a loop."""
+    """Return the unit for pure integrators, for which only noise limits a loop."""
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:
         raise ValueError(

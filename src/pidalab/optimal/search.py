@@ -1,7 +1,7 @@
-"""The search behind `pidalab.optimal`: descents under limits, and their starts.
+"""Descents under limits and their starts, for `pidalab.optimal`.
 
-The first family of starts are PI and PID controllers behind filters of several speeds. The second has all its zeros in
-one place below a chosen crossover, as plants need that only a derivative or an acceleration stabilises.
+The first family of starts consists of PI and PID controllers with filters of several speeds. The second has all zeros
+at one place below a chosen crossover, for plants that need derivative or acceleration to be stable.
 """
 
 from __future__ import annotations
@@ -29,39 +29,40 @@ from pidalab.process import Process
 from pidalab.requirements import Requirements
 from pidalab.robustness.poles import is_stable
 
-FINE_SAMPLES = 8192  # of the response whose IAE is made least
-TOP, BOTTOM, RUNGS = 1.0, -5.0, 13  # of the ladder: logarithms of filter times, in units of the process
-FASTEST, SLOWEST = -7.0, 3.0  # logarithms of filter times that are allowed
-LARGEST_GAIN = 1e6  # gain, in units of the process, that is allowed
-SEARCH_HORIZON = 80.0  # of a response, in units of the process
-VIOLATION_PRICE = 30.0  # price of a violation where starts are compared
-SPARE = 2e-5  # share of a limit that is kept free, for peaks that lie between the frequencies looked at
-AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # a peak
-BETWEEN = 0.01  # share of a frequency within which another stands for it
-NEARLY = 1e-4  # share by which a limit may be missed on the way
-ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of a descent: on the way, and to the bottom
-# descents one after the other at most; gain after which one is long, a logarithm
+FINE_SAMPLES = 8192  # number of samples of the response for the final IAE
+# The grid of filter times: largest and smallest logarithm, in units of the process, and number.
+SLOWEST_ON_GRID, FASTEST_ON_GRID, GRID_SIZE = 1.0, -5.0, 13
+FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
+LARGEST_GAIN = 1e6  # in units of the process
+SEARCH_HORIZON = 80.0  # in units of time of the process
+VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
+SPARE = 2e-5  # the search stays below a limit by this share, since peaks may lie between its frequencies
+AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # relative frequencies around a peak
+BETWEEN = 0.01  # relative distance below which one frequency represents another
+NEARLY = 1e-4  # allowed violation of a limit during the search
+ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of an intermediate and of a final descent
+# largest number of successive descents; a descent is long if log IAE falls by more than this
 AGAIN, LONG_DESCENT = 4, 0.2
-FINER = 12  # as many frequencies where the sampled noise is judged as where it is searched
+FINER = 12  # ratio of the numbers of frequencies for the final noise and for the search
 
 
 class Search:
-    """One problem and its limits, at frequencies that grow in number as peaks are found between them."""
+    """Problem with its limits at frequencies, to which peaks between them are added."""
 
-    nearest: Array | None = None  # what comes nearest to limits that nothing keeps
-    family: tuple[Process, ...] = ()  # plants, upright, that keep ms_worst at the end
+    nearest: Array | None = None  # controller nearest to the limits if none keeps them
+    family: tuple[Process, ...] = ()  # plants with positive gain that must keep ms_worst
 
     def __init__(self, problem: Problem, limits: Requirements, spare: float = SPARE) -> None:
         self.problem, self.limits, self.spare = problem, limits, spare
         self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
-        # dense where the loop crosses over, and fine enough for the turns of the dead time
-        far = np.geomspace(10.0, 2.0 / np.exp(BOTTOM), 16)[1:]
+        # The frequencies are dense around crossover, and dense enough for the turns of the dead time.
+        far = np.geomspace(10.0, 2.0 / np.exp(FASTEST_ON_GRID), 16)[1:]
         w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
         self.iae = problem.iae(SEARCH_HORIZON * time)
         self.fine = problem.iae(SEARCH_HORIZON * time, FINE_SAMPLES)
-        # sampled noise has a size only behind a filter that is not faster than the sample
+        # With sampled noise the filter time must be at least the sample time.
         h = limits.sample_time
         self.noise = self.exact_noise = None
         if limits.noise_gain is not None and h is not None:
@@ -69,15 +70,17 @@ class Search:
         fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
         self.aim = limits.noise_gain or 0.0  # for the quadrature of the noise
         filters = (fastest, max(SLOWEST, fastest + 2.0))
-        self.rungs = np.linspace(max(TOP, fastest + 1.0), max(BOTTOM, fastest), RUNGS)
+        self.filter_times = np.linspace(
+            max(SLOWEST_ON_GRID, fastest + 1.0), max(FASTEST_ON_GRID, fastest), GRID_SIZE
+        )
         self.bounds = [(1e-6, LARGEST_GAIN)] + [(0.0, LARGEST_GAIN)] * (problem.order + 1) + [filters]
 
     def sound(self, x: Array) -> bool:
-        """Return True if the loop is stable, with a sampled controller too where there is a limit of noise."""
+        """Return True if the loop is stable and, with a limit of noise, also the sampled loop."""
         return is_surely_stable(self.loop(x)) and np.isfinite(self.true_noise(x))
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
-        """Return the best start at another filter time: the last optimum, with less derivative or not, or the first."""
+        """Return the best start at another filter time: last optimum, the same with less derivative, or first start."""
         at, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
         powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (np.arange(x.size) < at)  # of derivatives
@@ -89,7 +92,7 @@ class Search:
         return best
 
     def log_iae(self, x: Array) -> tuple[float, Slope]:
-        """Logarithm of the IAE and the function of its gradient; a barrier where a step has left the stable loops."""
+        """Return log IAE and the function of its gradient, or a barrier for an unstable loop."""
         if self.problem.unstable(x):
             return BARRIER, lambda: np.zeros(x.size)
         value, slope = self.iae(x)
@@ -100,7 +103,7 @@ class Search:
         return max(0.0, -min(float(np.min(each.value(x))) for each in constraints or self.constraints()))
 
     def constraints(self) -> list[CachedValueAndSlope]:
-        """Return the slack of every limit, not negative where it is kept, at the frequencies so far."""
+        """Return the slack of every limit at the present frequencies, negative if the limit is violated."""
         worst = {"ms": self.limits.ms_worst * (1 - self.spare)}
         functions = [self.problem.slack(self.w, self.limits.peaks(self.spare))]
         functions += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
@@ -122,7 +125,7 @@ class Search:
         highest: float = LARGEST_GAIN,
         effort: tuple[int, float] = ROUGH,
     ) -> tuple[float, Array, float]:
-        """Run sequential quadratic programming from a start: value, unknowns, and the largest violation.
+        """Run sequential quadratic programming from a start. Return value, unknowns and the largest violation.
 
         The filter time may be held, and the gain of the highest derivative bounded.
         """
@@ -151,7 +154,7 @@ class Search:
                 end = np.clip(scaled.back(solution.x), low, high)
                 before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
-                # a long descent may have ended early, with the curvature of its start: begin again from its end
+                # A long descent may have ended early with the curvature of its start, so it begins again from its end.
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
                     break
                 x = end
@@ -169,19 +172,19 @@ class Search:
             self.w = np.append(self.w, peak * AROUND)
 
     def see(self, k: int, peak: float) -> None:
-        """Let the descents see a plant of the family; if they do, add the frequencies of its peak."""
+        """Add a plant of the family to the descents, or the frequencies of its peak if it is there already."""
         if k in self.active:
             self.look_at(peak)
         else:
             self.active.append(k)
 
     def true_noise(self, x: Array) -> float:
-        """Return the noise gain of the sampled loop: 0 without a limit, infinite if that loop is unstable."""
+        """Return the noise gain of the sampled loop, 0 without a limit and infinite for an unstable loop."""
         return 0.0 if self.exact_noise is None else self.exact_noise.gain(x)
 
 
 def is_surely_stable(loop: Loop) -> bool:
-    """Return True if a loop is stable; False if its poles cannot be counted."""
+    """Return True if a loop is stable, and False if its poles cannot be counted."""
     try:
         return is_stable(loop)
     except ArithmeticError:
@@ -204,7 +207,7 @@ def search_in(
     factor : float, optional
         Factor of the unit of time.
     spare : float, optional
-        Share of a limit that is kept free, for peaks between the frequencies of the search.
+        Share by which the search stays below a limit, for peaks between its frequencies.
 
     Returns
     -------
@@ -225,22 +228,22 @@ def search_in(
 # --- starts -----------------------------------------------------------------------------------------------------------
 
 
-GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional, in units of the process
+GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional gains, in units of the process
 INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
-DERIVATIVES = (0.0, 1.0, 5.0)  # over proportional gain
+DERIVATIVES = (0.0, 1.0, 5.0)  # derivative over proportional gain
 FILTERS = (-4.0, -2.0, 0.0)  # logarithms of filter times
-CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # of the second family, in units of the process
+CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # crossovers of the second family, in units of the process
 # crossover over the zeros, and corner of the filter over the crossover, of the second family
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # share of the limits that an approach goes beyond keeping them
-TRIED = 60  # candidates whose stability is checked
-STARTS, START_GAP = 6, np.log(4.0)  # starts at most, and how far they are apart
-NEAREST = 4  # candidates from which the limits are approached
+INSIDE = -1e-3  # violation at which an approach ends, slightly within the limits
+TRIED = 60  # number of candidates whose stability is checked
+STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts, and their least distance
+NEAREST = 4  # number of candidates from which the limits are approached
 
 
 def feasible_starts(search: Search, surely: bool = True) -> list[Array]:
-    """Return candidates that keep all limits and differ, the least IAE first; their stability is checked if asked."""
+    """Return different candidates that keep all limits, the least IAE first, and check their stability on request."""
     constraints = search.constraints()
     kept = [x for x in _ranked(search) if search.violation(x, constraints) == 0]
     chosen: list[Array] = []
@@ -260,7 +263,7 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 
 
 def approached(search: Search) -> list[Array]:
-    """Return a start that keeps all limits, from candidates that do not; the search stores the nearest of all."""
+    """Return a start that keeps all limits, from candidates that do not. Store the nearest one in the search."""
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
         x = relax(search, start)
@@ -273,12 +276,12 @@ def approached(search: Search) -> list[Array]:
 
 
 def stabilising(search: Search) -> Iterator[Array]:
-    """Yield candidates that stabilise the process, the nearest to the limits first, and of equals the quickest."""
+    """Yield candidates that stabilise the process, the nearest to the limits first, of equal ones the fastest."""
     return (x for x in _ranked(search)[:TRIED] if search.sound(x))
 
 
 def _ranked(search: Search) -> list[Array]:
-    """Return candidates whose loops turn as stable ones, the nearest to the limits first, then the quickest."""
+    """Return candidates whose loops turn as stable ones, the nearest to the limits first, then the fastest."""
     problem, constraints = search.problem, search.constraints()
     likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))
     ranked = [(search.violation(x, constraints), -x[0], x) for x in likely]
@@ -287,7 +290,7 @@ def _ranked(search: Search) -> list[Array]:
 
 
 def relax(search: Search, start: Array) -> Array:
-    """Go from a start to where the limits are kept, or missed by least."""
+    """Move from a start to a point that keeps the limits, or violates them least."""
     from scipy.optimize import minimize
 
     constraints = search.constraints()
@@ -319,7 +322,7 @@ def relax(search: Search, start: Array) -> Array:
 
 
 def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:
-    """Both families, each with every filter that is allowed."""
+    """Return both families of candidates, each with every allowed filter."""
     for action, filters in _families(problem):
         for time in np.unique(np.clip(filters, fastest, slowest)):
             x = np.zeros(problem.size)
@@ -329,7 +332,7 @@ def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Ar
 
 
 def _families(problem: Problem) -> Iterator[tuple[Array, Any]]:
-    """Some of the gains, and logarithms of filter times."""
+    """Yield gains and logarithms of filter times of both families."""
     for gain, share, derivative in product(GAINS, INTEGRAL_SHARES, DERIVATIVES if problem.order else (0.0,)):
         yield np.array([gain * share, gain, derivative * gain])[: problem.gains], FILTERS
     for w, below, zeros in product(CROSSOVERS, ZEROS_BELOW, range(1, problem.gains)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from pidalab import _check
@@ -34,12 +33,14 @@ class VendorForms(NamedTuple):
 
     def __str__(self) -> str:
         """List the forms that exist, and in one line those that do not."""
-        lines, missing = [], {}
-        for name, form in self._asdict().items():
-            if isinstance(form, dict):
-                lines.append(f"{name + ': ':10}{', '.join(f'{key} = {x:.5g}' for key, x in form.items())}")
-            elif name != "filters":
-                missing[name] = form
+        forms = self._asdict()
+        del forms["filters"]
+        missing = {name: form for name, form in forms.items() if isinstance(form, str)}
+        lines = [
+            f"{name + ': ':10}{', '.join(f'{key} = {x:.5g}' for key, x in form.items())}"
+            for name, form in forms.items()
+            if name not in missing
+        ]
         lines.append(f"filters:  {self.filters}")
         if missing:
             lines.append(f"no vendor block for: {', '.join(missing)} ({next(iter(missing.values()))})")
@@ -55,21 +56,20 @@ def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit:
     if ka:
         lost = f"these blocks have no acceleration term, and ka = {ka:.5g} would be lost"
         return VendorForms(lost, lost, lost, filters)
-    parallel = {"Kp": kp, "Ki [1/s]": ki / unit, "Ki [1/min]": 60 * ki / unit}
-    parallel |= {"Kd [s]": kd * unit, "Kd [min]": kd * unit / 60}
+    ki, kd = ki / unit, kd * unit
+    parallel = {"Kp": kp, "Ki [1/s]": ki, "Ki [1/min]": 60 * ki, "Kd [s]": kd, "Kd [min]": kd / 60}
     if kp == 0:
         reason = "kp is 0, and the times of these blocks are ratios to kp"
         return VendorForms(reason, reason, parallel, filters)
-    ti, td = kp / ki if ki else math.inf, kd / kp
-    ideal = _with_units(kp, ti * unit, td * unit)
-    if not ki:
-        return VendorForms(ideal, ideal, parallel, filters)
-    try:
-        factors = gains.series()
-    except ValueError:
-        reason = f"this block needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}"
-        return VendorForms(ideal, reason, parallel, filters)
-    series = _with_units(factors.kp, factors.ti * unit, factors.kd / factors.kp * unit)
+    ti, td = gains.standard()[1:3]
+    ideal = series = _with_units(kp, ti * unit, td * unit)
+    if ki:
+        try:
+            factors = gains.series()
+        except ValueError:
+            reason = f"this block needs Ti >= 4 Td, found Ti = {ti:.5g} and Td = {td:.5g}"
+            return VendorForms(ideal, reason, parallel, filters)
+        series = _with_units(factors.kp, factors.ti * unit, factors.kd / factors.kp * unit)
     return VendorForms(ideal, series, parallel, filters)
 
 

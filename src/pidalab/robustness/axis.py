@@ -1,9 +1,9 @@
 """A loop along the frequency axis: grid, crossovers and peaks, for loops in s and in z.
 
-The grid is logarithmic and denser around lightly damped roots. The magnitude of L is smooth on it, but the dead time
-turns the phase without end. So steps are divided further only where the dead time turns the phase quickly *and* L, or
-the peak that is sought, is large enough for it to matter. Between two points all crossovers, or all peaks, are refined
-at once, in array operations.
+The grid is logarithmic and denser around lightly damped roots. The magnitude of L is smooth on it, but the phase of the
+dead time turns without bound. So steps are divided further only where the dead time turns the phase quickly *and* L, or
+the peak that is sought, is large enough. Between grid points all crossovers, or all peaks, are refined at once, in
+array operations.
 """
 
 from __future__ import annotations
@@ -19,37 +19,38 @@ import numpy as np
 
 from pidalab._check import Array
 
-PER_DECADE = 120  # points of the logarithmic grid
-MOST_POINTS = 2_000_000  # along the axis: more would fill the memory
-# rad by which the dead time turns the phase between two points; the latter for crossovers
+PER_DECADE = 120  # number of grid points
+MOST_POINTS = 2_000_000  # more would exhaust the memory
+# Largest turn of the dead time's phase between two points, in rad. The latter is for crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
-# cosine of the angle to the positive axis below which the negative one may be crossed
+# L may cross the negative axis if the cosine of its angle is below this value.
 NEAR_POSITIVE_AXIS = 0.5
-ROUNDING = 1e-12  # imaginary part, relative to the modulus, that is rounding; and logarithm of |L|
-TOUCHING = 0.1  # logarithm of |L| at an extremum, below which it may cross 0 between two points
-DETOUR = 1.5  # factor by which the way of L between two points may be longer than the straight line
-NO_HIGHER = 1e-11  # share by which a peak between two points must exceed the best to be sought
+ROUNDING = 1e-12  # largest relative imaginary part, and largest logarithm of |L|, that count as rounding
+TOUCHING = 0.1  # log |L| may cross 0 between two points near an extremum below this value
+DETOUR = 1.5  # largest ratio of the path of L between two points to the straight line
+NO_HIGHER = 1e-11  # relative amount by which a peak must exceed the best one to be refined
 TINIEST = 1e-300  # smallest |L| that counts as other than 0
-HUGE = 1e9  # |L| beyond which a jump of the phase is that at a pole on the axis
-MOST_STEPS = 60  # of the refinement between two points: each step at least halves a bracket
+HUGE = 1e9  # at a larger |L| a jump of the phase is due to a pole on the axis
+MOST_STEPS = 60  # steps of a refinement, each of which at least halves a bracket
 SAME_CROSSING = (
     1e-8  # share of its first bracket by which the last step to a crossover moves: its square is rounding
 )
-# share of its first bracket by which the last step to a peak moves at most, and the distance of points for differences
+# The last step to a peak, and the distance of points for differences, as shares of the first bracket.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
-PIECE = 64.0  # points of a step that are passed over, or followed, together
-FOLLOWED_TOGETHER = 60  # steps of the grid, those first in which a peak may be highest
-QUICK = 12.0  # rad that a dead time turns the phase by, from where on it does so within a step of the grid
-MOST_PROBED = 20  # gain crossovers around which a peak is looked for first
-TO_AN_END = 1e-7  # share by which a peak must exceed the limit at an end of the axis
-ON_CONTOUR = 1e-9  # share of its terms below which the characteristic function has a zero on the contour
-SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: of |S|, of |T|, of half of |S - T|
-# distances of points from a lightly damped root, in units of its damping
+PIECE = 64.0  # number of points that are skipped, or followed, together
+FOLLOWED_TOGETHER = 60  # number of grid steps that are divided at once, the most promising first
+QUICK = 12.0  # the dead time turns the phase within a grid step where it turns it by more than this, in rad
+MOST_PROBED = 20  # number of gain crossovers around which a peak is sought first
+TO_AN_END = 1e-7  # relative amount by which a peak must exceed the limit at an end of the axis
+# The characteristic function has a zero on the contour if it is below this share of its terms.
+ON_CONTOUR = 1e-9
+SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: |S|, |T|, half of |S - T|
+# Distances of grid points from a lightly damped root, in units of its damping.
 NEAR_ROOT = np.outer([-1.0, 1.0], np.logspace(-2.0, 3.0, 40)).ravel()
 
 
 class TooManyTurns(ArithmeticError):
-    """The dead time turns the phase too often to be followed point by point."""
+    """Raised if the dead time turns the phase too often to be followed point by point."""
 
 
 class Samples(NamedTuple):
@@ -61,7 +62,7 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return the grid: all decades with roots, four more on both sides up to the end, and points near light damping."""
+    """Return a grid: all decades with roots, four more on both sides, and points near lightly damped roots."""
     speeds = [speed for speed in np.abs(roots).tolist() if speed > 0] + ([1 / delay] if delay else [])
     low, high = min(speeds, default=1.0), max(speeds, default=1.0)
     low, high = 1e-4 * min(low, end), min(1e4 * high, end)
@@ -77,7 +78,7 @@ def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
 
 
 def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Array:
-    """Divide some steps between frequencies until the dead time turns the phase by `turn` at most."""
+    """Divide some steps between frequencies until the dead time turns the phase by at most `turn`."""
     parts = np.where(steps, np.maximum(np.ceil(np.diff(w) * delay / turn), 1.0), 1.0)
     points = float(parts.sum())
     if not points <= MOST_POINTS:
@@ -85,7 +86,7 @@ def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Arra
             f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times where it matters: too often to "
             "follow; is the loop far from stable, or the sample much shorter than the dead time?"
         )
-    if points < w.size:  # nothing is divided
+    if points < w.size:  # no step has to be divided
         return w
     parts = parts.astype(np.intp)
     within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -93,19 +94,19 @@ def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Arra
 
 
 def most_between(*neighbours: Any) -> Any:
-    """Return an upper bound of a smooth function between points: it exceeds them by as much as they differ."""
+    """Return an upper bound of a smooth function between points, their maximum plus their difference."""
     low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
     return high * np.where(low > 0, high / low, 1.0)
 
 
 def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any = True) -> Array:
-    """Return the zeros of a function between points of allowed steps at which its values have different signs.
+    """Return the zeros of a function in the allowed steps at whose ends its values have different signs.
 
     Notes
     -----
-    Ridders' method, for all zeros at once. `low` and `high` are two places at which the function has different signs,
-    in either order; each step halves their distance at least, and doubles the digits of a simple zero. A place where
-    the function is exactly 0 becomes both ends.
+    This is Ridders' method for all zeros at once. `low` and `high` are two places at which the function has different
+    signs, in either order. Each step at least halves their distance, and near a simple zero doubles its digits. A place
+    where the function is exactly 0 becomes both ends.
     """
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
     low, high, at_low, at_high, place = w[i], w[i + 1], values[i], values[i + 1], w[i]
@@ -131,13 +132,13 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Return where a function is least between the neighbours of some points, and its values there.
+    """Return the minima of a function between the neighbours of some points, and its values there.
 
     Notes
     -----
-    Newton's method on the slope, for all places at once, kept between `low` and `high`: the function falls at the first
-    and rises at the second. Slope and bend come from differences, which are wide, since near a lightly damped pole the
-    values lose many digits. The value returned is that at the vertex of the last parabola.
+    This is Newton's method on the slope for all places at once. The iterates stay between `low`, where the function
+    falls, and `high`, where it rises. Slope and curvature come from differences of wide steps, since near a lightly
+    damped pole the values lose many digits. The value returned is that at the vertex of the last parabola.
     """
     low, place, high = w[i - 1], w[i], w[i + 1]
     wide, apart = high - low, DIFFERENCE_STEP * np.fmin(place - low, high - place)
@@ -147,7 +148,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
         before, least, after = function(place + three)
         slope, bend = after - before, after - 2 * least + before
         low, high = np.where(slope < 0, place, low), np.where(slope < 0, high, place)
-        with np.errstate(divide="ignore", invalid="ignore"):  # the function may be constant
+        with np.errstate(divide="ignore", invalid="ignore"):  # The function may be constant.
             last, place = place, place - 0.5 * apart * slope / bend
         newton = (bend > 0) & (low <= place) & (place <= high)
         place = np.where(newton, place, 0.5 * (low + high))
@@ -157,7 +158,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
 
 
 def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
-    """Return the frequencies where |L| = 1, ascending, and the extrema beside 1 between which no two points lie."""
+    """Return the frequencies where |L| = 1, ascending, and extrema near 1 between neighbouring points."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
         _, num, den = at(w)
@@ -165,7 +166,7 @@ def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Arra
 
     with np.errstate(all="ignore"):
         w, value = samples.w, np.log(np.abs(samples.num) / np.abs(samples.den))
-        # a gain of 1 all along has no crossover
+        # If the gain is 1 everywhere, there is no crossover.
         clear = np.isfinite(value) & (np.abs(value) >= ROUNDING)
         w, value = w[clear], value[clear]
         touched = [np.zeros(0)]
@@ -193,20 +194,20 @@ def height(kind: int, num: Any, den: Any) -> Any:
 
 
 def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
-    """Return a bound of a height between neighbours, from |L| and a weight there: infinite where |L| may be 1.
+    """Return a bound of a height between neighbours, from |L| and a weight there. It is infinite where |L| may be 1.
 
-    Between two points |1 + L| is at least the distance of |L| from 1, whatever the dead time turns.
+    Between two points |1 + L| is at least the distance of |L| from 1, for any phase of the dead time.
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
-    # a smooth function leaves the range of two neighbours by as much as they differ
+    # A smooth function exceeds two neighbours by at most their difference.
     apart = np.fmax(below * np.where(above > 0, below / above, 1.0) - 1, 1 - most_between(below, above))
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
 class Axis(ABC):
-    """A loop as a function of frequency, with the grid on which it is followed.
+    """Loop as a function of frequency, with a grid.
 
     `pidalab.robustness.in_s.AxisInS` is a continuous loop, `pidalab.robustness.in_z.AxisInZ` a sampled one.
 
@@ -217,9 +218,10 @@ class Axis(ABC):
     on_grid : Samples
         The loop at these frequencies.
     delay : float
-        Time by which the phase turns in addition to that of the roots; 0 if it does not.
+        Dead time that turns the phase in addition to the roots; 0 if there is none.
     at_zero, at_end : float
-        L at the ends of the axis, where it is real. At infinite frequency a dead time gives it every phase: the worst.
+        L at the ends of the axis, where it is real. At infinite frequency with dead time every phase occurs, and the
+        worst is used.
     end : float
         The last frequency: infinite, or half the sampling frequency.
     """
@@ -237,7 +239,7 @@ class Axis(ABC):
 
     @abstractmethod
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count the zeros of the characteristic function right of s = jω - slope ω - shift; None if one is on it."""
+        """Count the zeros of the characteristic function right of s = jω - slope ω - shift. None if one is on it."""
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
@@ -246,37 +248,37 @@ class Axis(ABC):
 
     @cached_property
     def size(self) -> Array:
-        """|L| on the grid."""
+        """Return |L| on the grid."""
         with np.errstate(all="ignore"):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return points between which the dead time turns the phase little wherever \\|L\\| >= loud."""
+        """Return points between which the phase of the dead time turns little wherever \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
-        """Divide some steps of the grid until the dead time turns the phase by `turn` at most."""
+        """Divide some steps of the grid until the dead time turns the phase by at most `turn`."""
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property
     def gain_crossings(self) -> tuple[Array, Array]:
-        """Gain crossovers, and extrema of |L| near 1."""
+        """Return the gain crossovers, and extrema of |L| near 1."""
         return gain_crossings(self.at, self.on_grid)
 
     @property
     def gain_crossovers(self) -> Array:
-        """All frequencies where |L| = 1, pairs included between which it only just passes 1."""
+        """Return all frequencies where |L| = 1, close pairs included."""
         return self.gain_crossings[0]
 
     def phase_crossovers(self, quietest: float) -> Array:
-        """Return frequencies below the end where L is real and negative; with dead time where |L| >= `quietest`."""
+        """Return frequencies where L is real and negative, with dead time those with |L| >= `quietest`."""
 
         def angle(w: Any) -> Any:
             _, num, den = self.at(w)
             return np.angle(-num * np.conj(den))
 
         grid, size = self.grid[self.grid < self.end], self.size[self.grid < self.end]
-        # a dead time makes infinitely many crossovers, but not up to half a sampling frequency
+        # A dead time makes infinitely many crossovers, but finitely many up to half the sampling frequency.
         floor = quietest if self.delay and math.isinf(self.end) else TINIEST
         with np.errstate(all="ignore"):
             loud_steps = np.fmax(size[:-1], size[1:]) >= quietest
@@ -284,32 +286,32 @@ class Axis(ABC):
             product = num * np.conj(den)
             clear = np.abs(product.imag) >= ROUNDING * np.abs(product)
             w, product, size = w[clear], product[clear], (np.abs(num) / np.abs(den))[clear]
-            # where L lies near the positive axis on both sides, it crosses that one
+            # If L is near the positive axis at both ends of a step, it crosses the positive axis.
             ahead, loud = product.real > NEAR_POSITIVE_AXIS * np.abs(product), size >= floor
             allowed = ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:])
             crossovers = zeros(angle, w, np.angle(-product), allowed)
             L = self.L(crossovers)
-        # the phase also jumps at poles and zeros on the axis
+        # The phase also jumps at poles and zeros on the axis, which are not crossovers.
         return crossovers[(L.real < 0) & (np.abs(L) >= floor) & (np.abs(L) < HUGE)]
 
     def peak(self, kind: int) -> tuple[float, float]:
-        """Return the supremum of |S|, |T| or half of |S - T|, and where it lies."""
+        """Return the supremum of |S|, |T| or half of |S - T|, and its frequency."""
         at_zero, at_end = (_height_at_an_end(kind, L) for L in (self.at_zero, self.at_end))
         return self.supremum(kind, at_zero, at_end)
 
     def supremum(
         self, kind: int, at_zero: float, at_end: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the larger of a highest peak, times a weight, and the limits at both ends, and where it lies."""
+        """Return the largest of all peaks, times a weight, and the limits at both ends, and its frequency."""
         end = max(at_zero, at_end)
         peak, where = self.highest(kind, end / (1 - TO_AN_END), weight)
-        if math.isnan(where):  # nothing is higher than the limit at an end
+        if math.isnan(where):  # the limit at an end is the highest
             return end, 0.0 if at_zero >= end * (1 - TO_AN_END) else self.end
         return peak, where
 
     @cached_property
     def _probes(self) -> Array:
-        """Frequencies of one turn around gain crossovers where the dead time turns quickly: L comes near -1 there."""
+        """Return frequencies around gain crossovers where the dead time turns quickly, since L passes near -1 there."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers
@@ -319,22 +321,22 @@ class Axis(ABC):
     def highest(
         self, kind: int, least: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the highest peak of |S|, |T| or half of |S - T|, times a weight, and where it lies.
+        """Return the highest peak of |S|, |T| or half of |S - T|, times a weight, and its frequency.
 
         Parameters
         ----------
         kind : int
             `SENSITIVITY`, `COMPLEMENTARY` or `DIFFERENCE`.
         least : float
-            Value that a peak must exceed; where none does, the result is this value, at NaN.
+            Value that a peak must exceed. If none does, return this value at NaN.
         weight : callable, optional
             A smooth positive function of frequency.
 
         Notes
         -----
-        `best` is the highest value so far. A step of the grid is divided only if the bound of what lies within exceeds
-        `best`, the most promising steps first, and a hill of three points is refined only if its bound does. A probe
-        near a gain crossover, where the dead time turns quickly, makes `best` high early.
+        `best` is the highest value so far. A step of the grid is divided only if the upper bound within it exceeds
+        `best`, the most promising steps first. A local maximum of three points is refined only if its bound exceeds
+        `best`. Probes near gain crossovers, where the dead time turns quickly, raise `best` early.
         """
 
         def values(samples: Samples) -> Any:
@@ -342,7 +344,7 @@ class Axis(ABC):
             return heights if weight is None else heights * weight(samples.w)
 
         def depths(w: Any) -> Any:
-            # smooth even where the loop is nearly unstable: there a parabola in the frequency
+            # This is nearly a parabola in the frequency, even where the loop is almost unstable.
             return values(self.at(w)) ** -2.0
 
         def limits(samples: Samples) -> Array:
@@ -357,7 +359,7 @@ class Axis(ABC):
                 around = probe + np.array([-FINE_STEP, 0.0, FINE_STEP]) / self.delay
                 place, depth = lowest(depths, around, np.array([1]))
                 best, where = max((best, where), (float(depth[0] ** -0.5), float(place[0])))
-            # long steps are taken in pieces, of which few may hold a peak
+            # Long steps are divided into pieces first, since only few of them can contain a peak.
             pieces = divided(samples.w, most > best, self.delay, PIECE * FINE_STEP)
             if pieces is not samples.w:
                 samples = self.at(pieces)
@@ -374,13 +376,13 @@ class Axis(ABC):
                 heights, most = values(samples), limits(samples)
                 best, where = max((best, where), _top(samples.w, heights))
             inner, before, after = heights[1:-1], heights[:-2], heights[2:]
-            # a difference of rounding makes no hill
+            # A difference due to rounding does not count as a local maximum.
             hills = 1 + np.flatnonzero(
                 (inner >= np.fmax(before, after))
                 & (inner * (1 - ROUNDING) > np.fmin(before, after))
                 & ~(np.fmax(most[:-1], most[1:]) <= best * (1 + NO_HIGHER))
             )
-            # beside a point L comes no closer to -1 than its way to the next one allows
+            # Near a point, L comes no closer to -1 than the path to the next points allows.
             three = hills + np.array([[-1], [0], [1]])
             L = samples.num[three] / samples.den[three]
             distance = np.abs(1 + L)
@@ -392,17 +394,17 @@ class Axis(ABC):
 
 
 def _top(w: Array, heights: Array) -> tuple[float, float]:
-    """Return the highest of some heights, and where it lies."""
-    i = int(np.argmax(np.fmax(heights, -1.0)))  # NaN, at a pole on the axis, is not the highest
+    """Return the highest of some heights, and its frequency."""
+    i = int(np.argmax(np.fmax(heights, -1.0)))  # a pole on the axis gives NaN, which is ignored
     return float(heights[i]), float(w[i])
 
 
 def round_to_count(number: float) -> int | None:
-    """Return a number of poles, which is whole but for rounding; None if it is not."""
+    """Round a number of poles to a whole number. Return None if it is not close to one."""
     return round(number) if math.isfinite(number) and abs(number - round(number)) < 0.2 else None
 
 
 def _height_at_an_end(kind: int, L: float) -> float:
-    """Return a height where L is real, or infinite: at an end of the axis."""
+    """Return a height at an end of the axis, where L is real or infinite."""
     num, den = (1.0, 0.0) if math.isinf(L) else (L, 1.0)
     return float(height(kind, num, den)) if den + num else math.inf

@@ -24,16 +24,16 @@ from pidalab.robustness.axis import (
 )
 from pidalab.roots import roots
 
-# rad that a dead time turns the phase by, of which rounding leaves no more than whole turns
+# If the dead time turns the phase by more than this, in rad, rounding leaves only whole turns.
 UNCERTAIN_TURNS = 1e12
-FAR_PER_DECADE = 12  # points of the grid far from all corners
-CLEAR = 10.0  # |L|, or one over it, up to which the grid goes on
+FAR_PER_DECADE = 12  # number of grid points far from all corner frequencies
+CLEAR = 10.0  # the grid extends until |L| is above this value, or below its inverse
 
 
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    The speeds, one for each pole and above 0, keep the products of factors within the range of numbers.
+    The speeds, one above 0 for each pole, prevent overflow of the products of factors.
     """
 
     gain: float
@@ -43,7 +43,7 @@ class LoopFactors(NamedTuple):
     delay: float
 
     def fraction(self, s: Any) -> tuple[Any, Any]:
-        """Evaluate numerator and denominator of L, factor by factor over |s| plus a speed: they stay in range."""
+        """Evaluate numerator and denominator of L, each factor divided by |s| plus a speed against overflow."""
         flat, few = np.ravel(s), self.zeros.size
         with np.errstate(all="ignore"):
             scale = 1.0 / (np.abs(flat) + self.speeds[:, None])
@@ -59,14 +59,14 @@ class LoopFactors(NamedTuple):
 
 
 def factors_of(loop: Loop, *names: str) -> LoopFactors:
-    """Factor some blocks of a loop, without the dead time; nothing is cancelled.
+    """Factor some blocks of a loop, without the dead time and without cancellation.
 
     Raises
     ------
     ValueError
-        For a gain beyond the range of numbers, and for roots that cannot be found.
+        For a gain that overflows, and for roots that cannot be found.
     """
-    open_loop(loop)  # raises for a loop that is not continuous
+    open_loop(loop)  # raises an error for a sampled loop
     gain, zeros, poles = 1.0, [], []
     for name in names:
         num, den = loop.blocks[name]
@@ -74,7 +74,7 @@ def factors_of(loop: Loop, *names: str) -> LoopFactors:
         zeros.append(roots(num))
         poles.append(roots(den))
     if not math.isfinite(gain):
-        raise ValueError("the gain of the loop leaves the range of numbers (about 1e308)")
+        raise ValueError("the gain of the loop overflows (about 1e308)")
     return from_roots(gain, np.concatenate(zeros), np.concatenate(poles))
 
 
@@ -85,7 +85,7 @@ def loop_factors(loop: Loop) -> LoopFactors:
 
 
 def from_roots(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopFactors:
-    """Put the factors of a loop together, with a speed for each pole: its own, or the slowest where that is 0."""
+    """Assemble the factors of a loop. The speed of a pole at 0 is that of the slowest other pole."""
     speeds = np.abs(poles)
     moving = [speed for speed in speeds.tolist() if speed > 0]
     speeds[speeds == 0] = min(moving) if moving else 1 / delay if delay else 1.0
@@ -94,7 +94,7 @@ def from_roots(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopF
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AxisInS(Axis):
-    """A continuous loop along the axis.
+    """Continuous loop along the imaginary axis.
 
     Attributes
     ----------
@@ -119,15 +119,15 @@ class AxisInS(Axis):
         return Samples(w, *self.factors.fraction(1j * np.asarray(w)))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        r"""Count zeros of the characteristic function f right of s = jω - slope ω - shift; None if one is on this line.
+        r"""Count zeros of the characteristic function f right of s = jω - slope ω - shift. None if one is on this line.
 
         Notes
         -----
-        With L = N/D the function is D (1 + L), or N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary
-        axis, and f turns as D does, but for the difference of that angle at the ends; where \|L\| > 1 it turns as N
-        does in the same way. Factors turn along a straight line by less than half a turn each, and a dead time by its
-        product with the frequency. So only the gain crossovers need to be known: the turns of a dead time between them
-        are not followed, however many there are.
+        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. So f turns
+        as D does, plus the change of the angle of 1 + L between the ends. Where \|L\| > 1, f turns as N does, in the
+        same way. Along a straight line each factor turns by less than half a turn, and a dead time by its product with
+        the frequency. So only the gain crossovers are needed, and the turns of a dead time between them need not be
+        followed.
         """
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope
@@ -143,7 +143,7 @@ class AxisInS(Axis):
         with np.errstate(all="ignore"):
             level = np.log(np.abs(num) / np.abs(den))
             flat = np.abs(level) <= ON_CONTOUR
-            # a pole of L there is one of the loop if a zero, or the gain 0, cancels it
+            # A pole of L on the contour is a pole of the loop if a zero, or the gain 0, cancels it.
             off = np.abs(factors.poles.real + contour_slope * factors.poles.imag + contour_shift)
             poles = np.abs(factors.poles[off <= ON_CONTOUR * np.abs(factors.poles)].imag)
             points = np.concatenate([[0.0], edges, touched, w[flat], poles])
@@ -155,13 +155,13 @@ class AxisInS(Axis):
             levels = level[np.abs(level) >= ROUNDING]
             loud = (np.arange(edges.size + 1) % 2 == 1) ^ bool(levels.size and levels[0] > 0)
             total = 0.0
-            # half the angle of L is the angle of 1 + L where |L| = 1
+            # Where |L| = 1, the angle of 1 + L is half the angle of L.
             half = np.concatenate([[0.0], 0.5 * np.angle(n / d)[1 : edges.size + 1], [0.0]])
             for active, zeros, sign in ((~loud, factors.poles, 1.0), (loud, factors.zeros, -1.0)):
                 k = np.flatnonzero(active)
                 start = direction * np.append(0.0, edges)[k] - contour_shift
                 stop = np.append(direction * edges - contour_shift, np.nan)[k]
-                # far out all roots lie in one place
+                # Seen from infinity, all roots are at one place.
                 reach = np.where(np.isnan(stop.real)[:, None], direction, stop[:, None] - zeros[None, :])
                 total += float(np.angle(reach * np.conj(start[:, None] - zeros[None, :])).sum())
                 total += sign * float((half[k + 1] - half[k]).sum())
@@ -183,7 +183,7 @@ class AxisInS(Axis):
 
 @lru_cache(maxsize=64)
 def axis_in_s(loop: Loop) -> AxisInS:
-    """Return the axis of a continuous loop; that of the last loops is kept.
+    """Return the axis of a continuous loop. The last ones are cached.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def axis_in_s(loop: Loop) -> AxisInS:
 
 
 def unit_axis(loop: Loop) -> AxisInS:
-    """Return the axis of a continuous loop that may be ill-posed, to be scaled."""
+    """Return the axis of a continuous loop whose gain will be scaled, so that it may be ill-posed."""
     return from_factors(loop_factors(loop), static_gain(*open_loop(loop)))
 
 
@@ -219,13 +219,13 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return more of the grid at both ends, up to where |L|, a power of the frequency there, has crossed 1."""
+    """Extend the grid at both ends until |L|, a power of the frequency there, has crossed 1."""
     at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
     at_infinity = factors.poles.size - factors.zeros.size
     parts = []
     for side, k, power in ((-1, 0, at_zero), (1, -1, at_infinity)):
         end, part, size = float(w[k]), np.zeros(0), abs(complex(num[k])) / (abs(complex(den[k])) or math.nan)
-        beyond = CLEAR if side * power < 0 else 1 / CLEAR  # |L| on its way to infinity, or to 0
+        beyond = CLEAR if side * power < 0 else 1 / CLEAR
         if power and size > 0 and (size < beyond) == (beyond > 1):
             far = math.exp(math.log(end) + math.log(size / beyond) / power)
             if 0 < far < math.inf:

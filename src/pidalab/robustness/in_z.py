@@ -5,8 +5,8 @@ that with :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}` the plant is, f
 
 .. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0},
 
-and :math:`L(z) = G(z) K(z)` is all that stability and margins at the samples need. Nothing is approximated. What the
-output does between two samples does not show here.
+and :math:`L(z) = G(z) K(z)` determines stability and margins at the samples, without approximation. The output between
+samples is not considered.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from pidalab.robustness.in_s import axis_in_s
 from pidalab.roots import roots
 from pidalab.statespace import ALIGNED, held, pieces, realise
 
-LARGEST_TURN = 0.8  # largest turn of the characteristic function between two points, in rad
-HALVINGS = 70  # of a step, at most, until it turns no more than that
-LONGEST_DELAY = 1e6  # samples of a dead time; of half a sample more nothing can be seen
+LARGEST_TURN = 0.8  # the characteristic function turns at most by this between two points, in rad
+HALVINGS = 70  # number of times that a step is halved at most
+LONGEST_DELAY = 1e6  # samples; with a longer dead time rounding hides a fraction of a sample
 
 
 def require_later_answer(plant: Any, direct: float, h: float) -> None:
-    """Raise for a plant whose output at a sample shows the input that is set there."""
+    """Raise for a plant whose output at a sample depends on the input that is set at the same time."""
     if direct and plant.delay < h * ALIGNED:
         raise ValueError(
             f"plant must have a dead time or no direct feedthrough in a sampled loop, found {plant!r}"
@@ -52,13 +52,13 @@ class SampledPlant(NamedTuple):
     """A process between a hold and a sampler, in the coordinates in which its transition is triangular."""
 
     transition: Any  # (n, n), upper triangular
-    inputs: list[tuple[Any, int]]  # influence of an input, and how many samples ago it was set
+    inputs: list[tuple[Any, int]]  # influence of an input, and number of samples since it was set
     output: Any  # (n,)
     direct: float
 
     def __call__(self, z: Any) -> Any:
         """Evaluate G at points z, of any shape."""
-        rows: list[Any] = []  # of output (z - transition)^-1
+        rows: list[Any] = []  # elements of output (z - transition)^-1
         for j in range(self.output.size):
             before = sum(
                 (row * t for row, t in zip(rows, self.transition[:j, j], strict=True)), self.output[j]
@@ -71,12 +71,12 @@ class SampledPlant(NamedTuple):
 
 
 def sampled_plant(process: Process, h: float) -> SampledPlant:
-    """Discretise a process for an input that is held, dead time exact."""
+    """Discretise a process with a held input, dead time exact."""
     A, b, c, d = realise(process.num, process.den)
     if process.delay > LONGEST_DELAY * h:
         raise ValueError(
             f"delay must be at most {LONGEST_DELAY:g} samples in a sampled loop, found {process.delay:.4g} with a "
-            f"sample time of {h:.4g}; take the continuous controller"
+            f"sample time of {h:.4g}; use the continuous controller"
         )
     parts = pieces(process.delay, h)
     require_later_answer(process, d, h)
@@ -130,7 +130,7 @@ class AxisInZ(Axis):
             first, last = f[0], f[-1]
             if np.any(np.isnan(f)):
                 return None
-            # where |L| stays below 1 the function turns as den does; where it stays above, as num
+            # Where |L| stays below 1, the function turns as den does. Where it stays above 1, it turns as num does.
             L, size = num / den, np.abs(num) / np.abs(den)
             quiet, loud = (
                 most_between(*pair) < 1 for pair in ((size[:-1], size[1:]), (1 / size[:-1], 1 / size[1:]))
@@ -160,7 +160,7 @@ class AxisInZ(Axis):
                 fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
             else:
                 return None
-        # it is real at both ends
+        # The function is real at both ends.
         total += float(np.angle(first / first.real)) - float(np.angle(last / last.real))
         return round_to_count(-total / np.pi)
 
@@ -184,19 +184,19 @@ def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
 
     grid, end = frequencies(poles, process.delay, math.pi / h), math.pi / h
     integrates = controller.integrates or process.den[-1] == 0
-    # an integrator makes L infinite at zero frequency, unless the plant's zero there cancels it
+    # An integrator makes L infinite at zero frequency, unless a zero of the plant cancels it.
     at_zero = math.inf if integrates and process.num[-1] != 0 else L(grid[0] if integrates else 0.0)
     on_grid = Samples(grid, *transfer(1j * grid))
     return AxisInZ(grid, on_grid, process.delay + h, at_zero, L(end), end, transfer=transfer)
 
 
 def axis_of(loop: Loop) -> Axis:
-    """Return the axis of a loop; from sample to sample if its controller is digital.
+    """Return the axis of a loop, that of the sampled loop if its controller is digital.
 
     Raises
     ------
     TypeError, ValueError
-        For something else than a Loop, for an ill-posed loop, and for a dead time of more than a million samples.
+        For an argument that is not a Loop, an ill-posed loop, and a dead time of more than a million samples.
     """
     require_loop(loop)
     return axis_in_s(loop) if loop.digital is None else _axis_in_z(loop, loop.digital)

@@ -1,37 +1,36 @@
-r"""Absolute stability of a loop whose control signal is limited: circle and Popov criterion with exact dead time.
+r"""Absolute stability of a loop with a limited control signal: circle and Popov criterion with exact dead time.
 
 With constant set point and load the limited control signal :math:`u = \mathrm{sat}(u_L)` of a controller with automatic
 reset drives its own input,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback, and it is part
-of G because it starts from the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation
-of u from there is a function of that of u_L in the sector from 0 to 1: nowhere steeper than 1, and 0 only at 0, though
-it flattens far out.
-The criterion of Popov with the multiplier :math:`\theta \ge 0` is
+(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback. It is part of
+G because its input is the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation of u
+from there is a function of the deviation of u_L in the sector from 0 to 1. Its slope is at most 1, and it is 0 only at
+0, although it saturates for large deviations. The criterion of Popov with the multiplier :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
 With θ = 0 it is the circle criterion, whose circle for this sector is the half plane left of -1. If one of them holds,
-the loop comes to rest from every initial state. The theorem assumes the following.
+the loop comes to rest from every initial state. The theorem makes these assumptions.
 
-- F is strictly proper, and its poles lie left of the imaginary axis, but for one simple pole at 0, that of an
-  integrating process. With this pole it is Popov's particular case: gain 0 does not belong to the sector, since it does
-  not stabilise, and the residue is positive, so that every small gain does. There the theorem asks for θ > 0, and the
-  circle criterion is covered all the same: ωG is bounded, so a positive margin leaves room for a small θ.
+- F is strictly proper, and its poles lie left of the imaginary axis, except one simple pole at 0 for an integrating
+  process. With this pole it is Popov's particular case. The gain 0 does not belong to the sector, since it does not
+  stabilise, and the residue is positive, so that every small gain does. In this case the theorem requires θ > 0. This
+  covers the circle criterion as well: ωG is bounded, so a positive margin permits a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need that.)
 - The inequality is strict, also in the limits of ω to 0 and to infinity.
 - A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
 
-Both criteria are sufficient, not necessary: a loop that fails may well come to rest from everywhere.
+Both criteria are sufficient, not necessary. A loop that fails may still come to rest from every state.
 
 With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \theta E(0)`, since :math:`F_r(0) = 1`. For
-the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`; without derivative the
+the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`, so without derivative the
 circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is found from the grid of margins. The turns of the dead time are followed wherever a value below the
-smallest that is known is possible.
+The infimum is computed on the grid of margins. The turns of the dead time are followed wherever a value below the
+smallest known one is possible.
 """
 
 from __future__ import annotations
@@ -50,26 +49,28 @@ from pidalab.robustness.axis import Samples, lowest, most_between
 from pidalab.robustness.in_s import from_factors, from_roots
 from pidalab.roots import border, roots
 
-NO_LOWER = 1e-10  # by how much a value must be lower to be sought, relative to it if it is beyond 1
-GRID_STEPS = 60  # of the grid that are followed at a time
-TOLERANCE = 1e-6  # margin above which a criterion surely holds
+NO_LOWER = (
+    1e-10  # amount by which a value must be lower to be sought, relative to the value if that is above 1
+)
+GRID_STEPS = 60  # number of grid steps that are followed at a time
+TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger
 LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop
 BELOW_RESET = 1 - 1e-6  # largest multiplier, as a share of the time of a reset
-MARGIN_RTOL = 1e-9  # share of the margin that a better multiplier may add
-MOST_MULTIPLIERS, FURTHER = 60, 4.0  # that are tried at most, and how many times as far as before
+MARGIN_RTOL = 1e-9  # relative improvement below which a better multiplier is not sought
+MOST_MULTIPLIERS, FURTHER = 60, 4.0  # number of multipliers tried at most; factor to the next one
 
 
 class LinearPart(NamedTuple):
-    """What a limited control signal drives on its way back: G = F - F_r.
+    """Linear part of a loop with a limited control signal, G = F - F_r.
 
     Attributes
     ----------
     forward : Process
         F, from the limited control signal through process, filter and controller, without the reset.
     zeros, poles : ndarray of complex
-        Of its rational part; a pole at 0 is left out.
+        Zeros and poles of its rational part, without a pole at 0.
     reset_time : float
-        T_i of the reset F_r = 1/(1 + T_i s); infinite where there is none.
+        T_i of the reset F_r = 1/(1 + T_i s), infinite without a reset.
     """
 
     forward: Process
@@ -89,7 +90,7 @@ class LinearPart(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """Ratio of the leading coefficients of F."""
+        """Return the ratio of the leading coefficients of F."""
         return float(self.forward.num[0] / self.forward.den[0])
 
 
@@ -101,7 +102,7 @@ class Criterion(NamedTuple):
     margin : float
         Infimum of Re[1 + (1 + jωθ) G(jω)], accurate to nine digits.
     frequency : float
-        Where it lies, in rad per time unit; 0 or infinite where it is only approached.
+        Frequency of the infimum, in rad per time unit. 0 or infinite if it is only approached there.
     multiplier : float
         θ, a time; 0 for the circle criterion.
     """
@@ -112,12 +113,12 @@ class Criterion(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Return True if the margin is surely positive."""
+        """Return True if the margin is certainly positive."""
         return self.margin > TOLERANCE
 
 
 def linear_part(loop: Loop) -> LinearPart:
-    r"""Linear part G of a loop, as the limited control signal sees it.
+    r"""Return the linear part G of a loop, from the limited control signal back to itself.
 
     For a `pidalab.SeriesPIDA` the reset acts on the limited signal: G = F - F_r, as at the top of this page. With any
     other controller the limits act on its output, and G is the loop transfer function L.
@@ -146,11 +147,11 @@ def linear_part(loop: Loop) -> LinearPart:
     >>> print(f"{G(0.5j):.4f}")
     -0.5176-0.3812j
     """
-    open_loop(loop)  # complains about what is no continuous loop
+    open_loop(loop)  # raises an error for a sampled loop
     reset = loop.automatic_reset
     if reset is None:
         ti, controller = math.inf, loop.blocks["controller"]
-    else:  # the stabilising controller, without the reset
+    else:  # Without the reset this is the stabilising controller.
         ti, controller = reset.time, (reset.stabiliser, binomial(reset.filter_time, reset.filter_order))
     num, den, zeros, poles = np.ones(1), np.ones(1), [], []
     for own_num, own_den in (controller, loop.blocks["process"], loop.blocks["output_filter"]):
@@ -167,11 +168,11 @@ def linear_part(loop: Loop) -> LinearPart:
 
 def _check_assumptions(part: LinearPart, integrators: int) -> None:
     if len(part.forward.num) >= len(part.forward.den):
-        raise ValueError("the forward path must be strictly proper: the limits would act on themselves")
+        raise ValueError("the forward path must be strictly proper, since the limits would act on themselves")
     bad = part.poles[part.poles.real >= 0]
     if bad.size or integrators > 1:
         offending = f"one at {bad[0]:.4g}" if bad.size else f"{integrators} at 0"
-        raise ValueError(f"poles of the forward path must be stable, but for one at 0; found {offending}")
+        raise ValueError(f"poles of the forward path must be stable, except one at 0; found {offending}")
     if integrators:
         residue = float(part.forward.num[-1] / part.forward.den[-2])
         if residue <= 0:
@@ -179,7 +180,7 @@ def _check_assumptions(part: LinearPart, integrators: int) -> None:
 
 
 def circle(loop: Loop) -> Criterion:
-    r"""Circle criterion for the sector [0, 1]: Re[1 + G(jω)] > 0 at all frequencies.
+    r"""Evaluate the circle criterion for the sector [0, 1]: Re[1 + G(jω)] > 0 at all frequencies.
 
     Parameters
     ----------
@@ -211,11 +212,11 @@ def circle(loop: Loop) -> Criterion:
 
 
 def popov(loop: Loop) -> Criterion:
-    r"""Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 that leaves the largest margin.
+    r"""Evaluate the Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 of the largest margin.
 
-    The margin is the infimum of functions that are linear in θ, one for each frequency. Those of the frequencies found
-    so far bound it from above; where they leave most, the next infimum is sought, until it comes up to the bound. With
-    a reset θ must be below T_i. Without, it is searched up to 1000 times the slowest time of the loop.
+    The margin is the infimum of functions that are linear in θ, one for each frequency. The frequencies found so far
+    give an upper bound. The next infimum is computed at the θ of the largest bound, until it reaches the bound. With a
+    reset θ must be below T_i. Without one it is searched up to 1000 times the slowest time constant of the loop.
 
     Parameters
     ----------
@@ -225,7 +226,7 @@ def popov(loop: Loop) -> Criterion:
     Returns
     -------
     Criterion
-        Its multiplier is 0 where no other is better: the circle criterion.
+        Its multiplier is 0 if no other is better, which is the circle criterion.
 
     Raises
     ------
@@ -257,20 +258,20 @@ def popov(loop: Loop) -> Criterion:
         bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
-        # far multipliers turn the phase often: go there step by step
+        # Large multipliers need many turns of the phase, so they are increased step by step.
         reach = max(slowest, FURTHER * max(each.multiplier for each in tried))
         theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
 
 def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
-    """Return where the least of some lines, each by its value at 0 and its slope, is largest between 0 and `most`."""
+    """Return the place between 0 and `most` where the minimum of some lines (value at 0 and slope) is largest."""
     start, slope = np.transpose(lines)
     with np.errstate(divide="ignore", invalid="ignore"):
         meet = np.subtract.outer(start, start) / -np.subtract.outer(slope, slope)
     at = np.unique(np.append([0.0, most], meet[(meet > 0) & (meet < most)]))
     least = np.min(start + np.outer(at, slope), axis=1)
-    k = int(np.argmax(least))  # the shortest of equals
+    k = int(np.argmax(least))  # of equal ones the smallest multiplier
     return float(at[k]), float(least[k])
 
 
@@ -280,22 +281,22 @@ def smallest_filter_time(
     longest: float,
     shortest: float | None = None,
 ) -> float:
-    """Shortest filter down to which a property holds, for a family of loops with the time constant of their filter.
+    """Return the shortest filter time down to which a property holds, for a family of loops.
 
-    What else changes with the filter is the family's affair: the gains may stay, or be computed anew for a total dead
-    time that contains the filter's. From `longest` the filter is made shorter by a tenth until the property fails for
-    the first time, and the border is then found by bisection.
+    The family decides what else changes with the filter. The gains may stay, or be computed again for a total dead time
+    that contains that of the filter. From `longest` the filter time is reduced by a tenth until the property fails for
+    the first time. Bisection then finds the border.
 
     Parameters
     ----------
     family : callable
-        From the time constant of the filter to a loop.
+        Returns a loop for the time constant of its filter.
     holds : callable
-        From a loop to whether it has the property, such as ``lambda loop: circle(loop).holds`` or `pidalab.is_stable`.
+        Returns True if a loop has the property, such as ``lambda loop: circle(loop).holds`` or `pidalab.is_stable`.
     longest : float
-        Where to begin; the property must hold there. Above 0.
+        First filter time, above 0. The property must hold there.
     shortest : float, optional
-        Where to end, by default a thousandth of `longest`.
+        Last filter time, by default a thousandth of `longest`.
 
     Returns
     -------
@@ -329,7 +330,7 @@ def smallest_filter_time(
         raise ValueError(f"shortest must be below longest = {longest:g}, found {shortest:g}")
     high = low = longest
     if not holds(family(longest)):
-        raise ValueError(f"the property must hold at longest = {longest:g}, found that it does not")
+        raise ValueError(f"holds must be true at longest = {longest:g}, found false")
     while holds(family(low)):
         if low == shortest:
             return 0.0
@@ -341,7 +342,7 @@ def smallest_filter_time(
 
 
 def ends(part: LinearPart, theta: float) -> tuple[float, float]:
-    """Limits of Re[1 + (1 + jωθ) G] at zero and at infinite frequency, there with dead time the lower limit."""
+    """Return the limits of Re[1 + (1 + jωθ) G] at zero and infinite frequency, with dead time the lower limit there."""
     forward = part.forward
     den = forward.den[:-1] if part.integrates else forward.den
     (n1, n0), (d1, d0) = (np.append([0.0, 0.0], p)[-2:] for p in (forward.num, den))
@@ -354,7 +355,7 @@ def ends(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def _reset(part: LinearPart, w: Any, theta: float) -> Any:
-    """Real part of (1 + jωθ) F_r, which falls or rises without turning."""
+    """Return the real part of (1 + jωθ) F_r, which is monotonic in ω."""
     if math.isinf(part.reset_time):
         return 0.0 * w
     share = theta / part.reset_time
@@ -362,17 +363,17 @@ def _reset(part: LinearPart, w: Any, theta: float) -> Any:
 
 
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
-    """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and the frequency where it lies: 0 or inf where approached there.
+    """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and its frequency, 0 or inf if it is only approached there.
 
-    F must be strictly proper, without poles on the axis but one at 0.
+    F must be strictly proper, without poles on the axis except one at 0.
 
     Notes
     -----
-    The dead time turns only (1 + jωθ) F(jω). Its turns are followed wherever its size allows a value below the smallest
-    that is known. A pole of F at 0 would make its real part a small difference of large numbers at low frequencies. But
-    with F = E/s the real part is Im E/ω, and E has no such pole.
+    The dead time turns only (1 + jωθ) F(jω). Its turns are followed wherever its modulus permits a value below the
+    smallest known one. With a pole of F at 0 its real part would be a small difference of large numbers at low
+    frequencies. With F = E/s the real part is Im E/ω, and E has no such pole.
     """
-    # of F, or of E where F = E/s
+    # With a pole at 0 these are the factors of E = s F.
     axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))
 
     def function(samples: Samples) -> Any:
@@ -411,11 +412,11 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:
-    """Value at θ = 0 and slope of Re[1 + (1 + jωθ) G(jω)], linear in θ; of its limits where ω is 0 or infinite."""
+    """Return value at θ = 0 and slope of Re[1 + (1 + jωθ) G(jω)], which is linear in θ."""
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag
-    # at infinity θ = 0 is another function, whose limit is that of the line all the same
+    # At infinite ω the limit of the function for θ = 0 equals the value of the line.
     one, two = (ends(part, theta)[int(w > 0)] for theta in (1.0, 2.0))
     return 2 * one - two, two - one
 

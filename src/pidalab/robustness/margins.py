@@ -1,4 +1,4 @@
-"""Robustness margins with exact dead time: candidates from the frequency grid, refined to full precision."""
+"""Robustness margins with exact dead time, from candidates on the frequency grid, refined to full precision."""
 
 from __future__ import annotations
 
@@ -25,49 +25,49 @@ from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable
 
-QUIETEST = 0.1  # with dead time, phase crossovers are searched while |L| is above this, further if they give no margin
-QUIETEST_GIVEN = 0.1  # |L| of the given loop above which the turns of its dead time are followed
-FAR_SHARE = 1e-2  # of the last frequency, up to which gains are looked for at first
-AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # a peak that lies between the frequencies looked at
-MS_RTOL = 1e-6  # share by which Ms may exceed the one wanted before the last step
-MOST_LOOKS = 8  # at where the peak is
+QUIETEST = 0.1  # Phase crossovers with dead time are sought where |L| is larger, and further if these give no margin.
+QUIETEST_GIVEN = 0.1  # The turns of the dead time are followed where |L| of the given loop is larger.
+FAR_SHARE = 1e-2  # first the gain is sought up to this share of the highest frequency
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # relative frequencies around a peak between grid points
+MS_RTOL = 1e-6  # relative amount by which Ms may exceed the required one before the last step
+MOST_LOOKS = 8  # number of refinements of the frequency of the peak
 DROP = 3.0  # decibels by which |T| has fallen at the bandwidth
 
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of a loop; frequencies in rad per time unit.
+    """Margins of a loop, with frequencies in rad per time unit.
 
     Attributes
     ----------
     stable : bool
-        Whether the closed loop is stable. If not, the numbers below say how far it is from the next border of
-        stability, as other programs print them; what a loop may bear that is stable they do not say.
+        True if the closed loop is stable. If it is not, the numbers below are distances from the next stability limit,
+        as other programs print them, and not margins.
     unstable_poles : int or float
-        Closed-loop poles that are not stable, as `unstable_poles` counts them.
+        Number of unstable closed-loop poles, as `unstable_poles` counts them.
     gm : float
-        Gain margin, a ratio: the smallest factor above 1 that puts a pole on the border of stability (inf if none).
+        Gain margin, the smallest factor above 1 that puts a pole on the stability limit (inf if none).
     gm_low : float
-        Lower gain margin, the largest factor below 1 that does (0 if none). A stable loop with one above 0 is stable on
-        condition.
+        Lower gain margin, the largest such factor below 1 (0 if none). A stable loop with a value above 0 is
+        conditionally stable.
     pm : float
-        Phase margin in degrees: the smallest rotation of L, in either direction, that does.
+        Phase margin in degrees, the smallest such rotation of L in either direction.
     dm : float
-        Delay margin: the smallest extra dead time that does, over all gain crossovers.
+        Delay margin, the smallest such extra dead time, over all gain crossovers.
     disk : float
-        Disk margin α, one over the largest \\|S - 1/2\\|: gain and phase may change together by any complex factor
-        (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. A gain alone may be from (2 - α)/(2 + α) to (2 + α)/(2 - α), a rotation
-        alone up to 2 arctan(α/2).
+        Disk margin α, one over the largest \\|S - 1/2\\|. The loop stays stable for any complex factor
+        (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α: for a gain from (2 - α)/(2 + α) to (2 + α)/(2 - α), or a rotation up to
+        2 arctan(α/2).
     ms, mt : float
         Peaks of the sensitivity and of the complementary sensitivity.
     wgc, wpc : float
         Gain crossover with the smallest phase margin, phase crossover with the smallest gain margin (NaN if none).
     wms, wmt : float
-        Frequencies of the peaks (inf where the peak is approached at infinite frequency).
+        Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
-        All gain crossovers; all phase crossovers, but with dead time only those where \\|L\\| is at least 0.1, and at
-        least the first with \\|L\\| below 1. Where the dead time turns the phase more than a million times in there,
-        none are listed, and the gain margins are NaN.
+        All gain crossovers and phase crossovers. With dead time only phase crossovers where \\|L\\| is at least 0.1,
+        and at least the first with \\|L\\| below 1. If the dead time turns the phase more than a million times up to
+        there, none are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -104,9 +104,9 @@ class Margins:
 
 
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
-    """Maximum sensitivity Ms and the frequency where it lies, whether the loop is stable or not.
+    """Return the maximum sensitivity Ms and its frequency, also for an unstable loop.
 
-    With a `DigitalController` it is that at the samples, as in `margins`.
+    With a `DigitalController` it is computed at the samples, as in `margins`.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     Returns
     -------
     ms, wms : float
-        The supremum of \\|1/(1 + L(jw))\\| over all frequencies; ``wms`` is inf where it is only approached.
+        The supremum of \\|1/(1 + L(jw))\\| over all frequencies. ``wms`` is inf if it is only approached there.
 
     Raises
     ------
@@ -134,18 +134,18 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
 
 
 def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
-    r"""Largest gain Mks from measurement noise to control signal, and the frequency where it lies.
+    r"""Return the largest gain Mks from measurement noise to control signal, and its frequency.
 
     Parameters
     ----------
     loop : Loop
-        The loop, stable or not; its output filter is part of the controller.
+        The loop, stable or not. Its output filter is part of the controller.
 
     Returns
     -------
     mks, wmks : float
-        The supremum of \|C/(1 + L)\| over all frequencies, in units of u per unit of y; ``wmks`` is 0 or inf where
-        it is only approached.
+        The supremum of \|C/(1 + L)\| over all frequencies, in units of u per unit of y. ``wmks`` is 0 or inf if it is
+        only approached there.
 
     Raises
     ------
@@ -162,18 +162,18 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # at zero frequency C S is 1/P, or C where it does not integrate
+    # At zero frequency C S is 1/P, or C without integral action.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
         at_zero = abs(1 / static) if static else math.inf
-    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant
+    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant at infinite frequency.
         at_end = abs(loop.transfer("u", "n", 1j * axis.grid[-1]))
     return axis.supremum(SENSITIVITY, at_zero, float(at_end), controller.modulus)
 
 
 def gain_crossovers(loop: Loop) -> Array:
-    """All frequencies where \\|L\\| = 1, ascending.
+    """Return all frequencies where \\|L\\| = 1, ascending.
 
     Parameters
     ----------
@@ -183,8 +183,8 @@ def gain_crossovers(loop: Loop) -> Array:
     Returns
     -------
     ndarray
-        Frequencies in rad per time unit; the dead time has no influence on them. Where \\|L\\| is 1 along the whole
-        axis, there are none.
+        Frequencies in rad per time unit, which do not depend on the dead time. If \\|L\\| is 1 everywhere, there are
+        none.
 
     Examples
     --------
@@ -196,22 +196,22 @@ def gain_crossovers(loop: Loop) -> Array:
 
 
 def bandwidth(loop: Loop) -> float:
-    r"""Bandwidth of the closed loop: the lowest frequency at which \|T\| is 3 dB below its value at rest.
+    r"""Return the bandwidth of the closed loop, the lowest frequency at which \|T\| is 3 dB below its static value.
 
     Parameters
     ----------
     loop : Loop
-        A stable loop; its prefilter is not in T.
+        A stable loop. Its prefilter is not part of T.
 
     Returns
     -------
     float
-        In rad per time unit; inf where T does not fall so far.
+        Bandwidth in rad per time unit, inf if T does not fall so far.
 
     Raises
     ------
     ValueError
-        For an unstable loop, and for one whose T is 0 at rest.
+        For an unstable loop, and for one with T(0) = 0.
 
     Examples
     --------
@@ -224,9 +224,9 @@ def bandwidth(loop: Loop) -> float:
         raise ValueError("the closed loop is unstable: it has no bandwidth")
     static = 1.0 if math.isinf(axis.at_zero) else abs(axis.at_zero / (1 + axis.at_zero))
     if static == 0:
-        raise ValueError("T is 0 at rest, found static gain 0: its bandwidth is not defined")
+        raise ValueError("the static gain of T must not be 0, found 0, so the bandwidth is not defined")
     level = static * 10 ** (-DROP / 20)
-    # where |L| < level / (1 + level), |T| is below the level
+    # |T| is below the level wherever |L| < level / (1 + level).
     w = axis.follow(0.9 * level / (1 + level))
 
     def excess(w: Any) -> Any:
@@ -241,19 +241,19 @@ def bandwidth(loop: Loop) -> float:
 
 
 def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
-    """Frequencies where L is real and negative, ascending.
+    """Return the frequencies where L is real and negative, ascending.
 
     Parameters
     ----------
     loop : Loop
         The loop.
     quietest : float, optional
-        A dead time makes infinitely many; those with \\|L\\| below this are left out. Without dead time all count.
+        With dead time, which has infinitely many, those with \\|L\\| below this value are left out.
 
     Returns
     -------
     ndarray
-        Frequencies in rad per time unit. Where L is real along the whole axis, there are none.
+        Frequencies in rad per time unit. If L is real everywhere, there are none.
 
     Examples
     --------
@@ -266,11 +266,11 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
 
 
 def margins(loop: Loop) -> Margins:
-    """Gain, phase and delay margin, peaks of S and T, and all crossovers, with exact dead time.
+    """Return gain, phase and delay margin, peaks of S and T, and all crossovers, with exact dead time.
 
-    Of a loop with a `DigitalController` they are those at the samples, with the plant discretised exactly, up to half
-    the sampling frequency: beside those of the continuous loop they say what sampling costs. Extra dead time of whole
-    samples turns that loop as it turns a continuous one; `dm` over the sample time is the delay margin in samples.
+    For a loop with a `DigitalController` they are computed at the samples, with the plant discretised exactly, up to
+    half the sampling frequency. Compared with those of the continuous loop they show how sampling reduces robustness.
+    `dm` over the sample time is the delay margin in samples.
 
     Parameters
     ----------
@@ -280,8 +280,8 @@ def margins(loop: Loop) -> Margins:
     Returns
     -------
     Margins
-        Named values, accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False,
-        and they are read off the same curve.
+        Values accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False, and the
+        values are distances from the stability limit.
 
     Raises
     ------
@@ -299,7 +299,7 @@ def margins(loop: Loop) -> Margins:
     axis = axis_of(loop)
     count, wgc = count_unstable(axis), axis.gain_crossovers
     at_crossovers = axis.L(wgc)
-    lag = np.mod(np.angle(at_crossovers) + np.pi, 2 * np.pi)  # what further dead time must add
+    lag = np.mod(np.angle(at_crossovers) + np.pi, 2 * np.pi)  # angle that an extra dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
     wpc, at, size = _phase_crossovers(axis, bool(count))
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
@@ -311,7 +311,7 @@ def margins(loop: Loop) -> Margins:
         gm=math.nan if unknown else float(1 / small.max()) if small.any() else math.inf,
         gm_low=math.nan if unknown else float(1 / large.min()) if large.size else 0.0,
         pm=float(np.degrees(rotation.min(initial=math.inf))),
-        # with |L| >= 1 out to infinity, any extra dead time is too much
+        # With |L| >= 1 at infinite frequency, any extra dead time destabilises the loop.
         dm=0.0 if continuous and abs(axis.at_end) >= 1 else float(np.min(lag / wgc, initial=math.inf)),
         disk=1 / difference if difference else math.inf,
         ms=ms,
@@ -326,7 +326,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Phase crossovers; the same with both ends of the axis, and |L| there, 0 where it is positive."""
+    """Return phase crossovers; these with both ends of the axis, and |L| there, 0 where L is positive."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -339,7 +339,7 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
         if not unstable:
             raise
         return np.zeros(0), np.zeros(1), np.full(1, math.nan)
-    # at the ends of the axis L is real: these are phase crossovers too where it is negative
+    # L is real at the ends of the axis. Where it is negative, they are phase crossovers, too.
     at = np.concatenate([[0.0], wpc, [axis.end]])
     return wpc, at, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])
 
@@ -348,16 +348,16 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
 
 
 def gain_for_ms(loop: Loop, ms: float) -> float:
-    r"""Factor of the controller's gain with which the loop is stable and has the maximum sensitivity `ms`.
+    r"""Return the factor of the controller's gain with which the loop is stable and has the maximum sensitivity `ms`.
 
-    Where several factors do, it is the largest at which Ms is reached from below.
+    If there are several, it is the largest at which Ms is reached from below.
 
     Parameters
     ----------
     loop : Loop
-        The loop, stable or not; output filter included. Its own gain is the unit of the answer.
+        The loop, stable or not, with its output filter. The factor multiplies the gain of its controller.
     ms : float
-        Maximum sensitivity asked for, above 1.
+        Required maximum sensitivity, above 1.
 
     Returns
     -------
@@ -369,7 +369,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     TypeError
         For a loop with a digital controller.
     ValueError
-        If `ms` is not above 1, and where no factor gives a stable loop that reaches this Ms from below.
+        If `ms` is not above 1, or no factor gives a stable loop that reaches this Ms from below.
 
     Examples
     --------
@@ -379,7 +379,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     >>> print(f"{k:.4f} {pidalab.max_sensitivity(pidalab.Loop(process, k * controller))[0]:.6f}")
     0.9232 1.600000
     """
-    open_loop(loop)  # raises for a loop that is not continuous
+    open_loop(loop)  # raises an error for a sampled loop
     ms = _check.real("ms", ms, above=1.0)
     axis = unit_axis(loop)
 
@@ -389,10 +389,10 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     def stable(k: float) -> bool:
         try:
             return count_unstable(axis.scaled(k)) == 0
-        except ArithmeticError:  # its phase turns too often to follow: it is far from stable
+        except ArithmeticError:  # The phase turns too often to follow, so the loop is far from stable.
             return False
 
-    # at the ends of the axis L is real, and at infinity not 0 if process and controller are biproper
+    # L is real at the ends of the axis, and not 0 at infinity if process and controller are biproper.
     ends = [L for L in (axis.at_zero, axis.at_end) if math.isfinite(L)]
     w = axis.follow(QUIETEST_GIVEN)
     w = w[w <= FAR_SHARE * w[-1]]
@@ -414,9 +414,9 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
 
 
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
-    r"""Factors k, the largest first, at which :math:`|1 + k L| \ge 1/M_s` is about to be lost at one frequency.
+    r"""Return the factors k, largest first, above which :math:`|1 + k L| \ge 1/M_s` is violated at one frequency.
 
-    At each frequency it is lost between the roots of :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
+    At each frequency it is violated between the roots of :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
     """
     size = np.abs(unit) ** 2
     root = unit.real**2 - size * (1 - 1 / ms**2)
@@ -425,6 +425,6 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # an interval that begins behind all that began before leaves a gap of allowed factors below it
+    # If an interval begins above the end of all earlier ones, there is a gap of allowed factors below it.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()

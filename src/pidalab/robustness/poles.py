@@ -1,4 +1,4 @@
-"""Stability of loops with exact dead time: poles counted by the argument principle, and the rightmost ones found."""
+"""Stability of loops with exact dead time: number of unstable poles by the argument principle, and rightmost poles."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from pidalab.robustness.axis import Axis
 from pidalab.robustness.in_s import LoopFactors, from_factors, from_roots, loop_factors
 from pidalab.robustness.in_z import axis_of
 
-MOST_NODES = 512  # of the collocation on the dead time
-FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are looked for
-CLUSTER = 8  # more poles than asked for that are returned at most, not to split a cluster of them
-# modulus, in 1/dead time, below which a pole is found without dead time first: with it rounding leaves nothing of it
+MOST_NODES = 512  # nodes of the collocation over the dead time
+FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
+CLUSTER = 8  # number of additional poles that are returned at most, so that no cluster is split
+# Poles of a smaller modulus, in 1/dead time, are first found without dead time, since with it they are lost in
+# rounding.
 SLOWEST_SURE = 1e-6
 
-ABERTH = 100  # steps at most
-SOLVED = 1e-6  # residual, or step relative to the pole, of one that is found
+ABERTH = 100  # largest number of steps
+SOLVED = 1e-6  # largest residual, or last step relative to the pole, of an accepted pole
 
 
 def unstable_poles(loop: Loop) -> float:
-    """Number of closed-loop poles in the closed right half-plane, by the argument principle with exact dead time.
+    """Return the number of closed-loop poles in the closed right half-plane, by the argument principle.
 
-    With a `DigitalController` it is the number on or outside the unit circle, from sample to sample.
+    The dead time is exact. With a `DigitalController` it is the number on or outside the unit circle.
     The characteristic function D(s) + N(s) e^{-s delay} is not reduced, so a cancelled unstable pole counts.
 
     Parameters
@@ -47,7 +48,7 @@ def unstable_poles(loop: Loop) -> float:
     ValueError
         For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
     ArithmeticError
-        If the argument cannot be followed: a root too close to the contour.
+        If a root is too close to the contour for the argument to be followed.
 
     Examples
     --------
@@ -65,12 +66,12 @@ def count_unstable(axis: Axis) -> float:
     if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
     slowest = axis.grid[0]
-    # A contour that is tilted to the left takes in the roots on the axis. The last one also passes 0 farther off.
+    # A contour that is tilted to the left includes the roots on the axis. The last one also passes 0 at a distance.
     for slope, shift in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
         count = axis.encirclements(slope, shift)
         if count is not None:
             return count
-    raise ArithmeticError("the closed loop has a pole too close to the limit of stability to be counted")
+    raise ArithmeticError("the closed loop has a pole too close to the stability limit to be counted")
 
 
 def is_stable(loop: Loop) -> bool:
@@ -84,7 +85,7 @@ def is_stable(loop: Loop) -> bool:
     Returns
     -------
     bool
-        True if stable. A pole on the imaginary axis, or a chain of poles that approaches it, is not stable.
+        True if stable. A pole on the imaginary axis, or a chain of poles that approaches it, counts as unstable.
 
     Examples
     --------
@@ -98,24 +99,24 @@ def is_stable(loop: Loop) -> bool:
 
 
 def rightmost_poles(loop: Loop, count: int = 1) -> Array:
-    """Closed-loop poles with the largest real parts, with exact dead time.
+    """Return the closed-loop poles with the largest real parts, with exact dead time.
 
-    A dead time makes infinitely many poles. They are approximated by collocation at Chebyshev points of the dead time,
-    brought to full precision by Newton's method on the characteristic function, and counted by the argument principle:
-    none to the right of those returned is missing.
+    A loop with dead time has infinitely many poles. They are approximated by collocation at Chebyshev points of the
+    dead time and refined by Newton's method on the characteristic function. The argument principle proves that none
+    further right is missing.
 
     Parameters
     ----------
     loop : Loop
         The loop.
     count : int, optional
-        How many, at least 1. A few more are returned where a complex pair or a cluster would be split.
+        Number of poles, at least 1. A few more are returned if a complex pair or a cluster would be split.
 
     Returns
     -------
     ndarray of complex
-        In 1/time, by falling real part; poles of higher multiplicity several times. Near a pole of multiplicity k only
-        1/k of the digits can be had.
+        Poles in 1/time by falling real part, multiple ones repeated. A pole of multiplicity k has only 1/k of the
+        digits.
 
     Raises
     ------
@@ -142,12 +143,12 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
             raise ValueError(f"count must be at most the order of the loop, {poles.size}, found {count}")
         last = _whole_pairs(poles, count)
         if np.any((off > 0) & (poles.real + off >= poles[last - 1].real)):
-            raise ArithmeticError(f"the {count} rightmost poles cannot be told from their neighbours")
+            raise ArithmeticError(f"the {count} rightmost poles cannot be separated from their neighbours")
         return poles[:last]
     delay, nodes = loop.process.delay, 32
     loop, factors = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(from_factors(factors).at_end))  # where the poles of a neutral loop gather
+        chain = np.log(abs(from_factors(factors).at_end))  # The poles of a neutral loop approach this line.
     while nodes <= MOST_NODES:
         poles = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, poles.size) + 1):
@@ -161,27 +162,29 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     others = "their neighbours"
     if chain > -math.inf:
         others = f"the chain of poles of this neutral loop at {chain / delay:.4g}"
-    raise ArithmeticError(f"the {count} rightmost poles cannot be told from {others}")
+    raise ArithmeticError(f"the {count} rightmost poles cannot be separated from {others}")
 
 
 def _of_ratio(loop: Loop) -> tuple[Any, Any]:
-    """Poles of a loop without dead time by falling real part, and how far off those may be that are not found.
+    """Return the poles of a loop without dead time by falling real part, and bounds of their errors.
 
-    The coefficients of its characteristic polynomial forget what many equal lags made of them. Where their roots do not
-    solve the equation as the factors have it, they are brought there by Aberth's method. It may fail for a cluster, as
-    around the poles of a fast filter; each pole of one that is not found has a true one within n steps of Newton.
+    With many equal lags the coefficients of the characteristic polynomial lose digits. If its roots do not solve the
+    factored equation, Aberth's method refines them. It may fail for a cluster, as around the poles of a fast filter.
+    Then a true pole lies within n Newton steps of each approximate one.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
         return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
-    s = np.roots(np.polyadd(num, den))  # to begin with; scattered where `roots` would refuse
+    s = np.roots(
+        np.polyadd(num, den)
+    )  # The first approximation, which may scatter where `roots` would raise an error.
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, factors)
             solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
                 np.abs(step) <= SOLVED * np.abs(s)
             )
-            # a zero on a pole of L is a pole of the loop, where L is 0/0
+            # A zero on a pole of L is a pole of the loop. L is 0/0 there.
             cancelled = np.isin(s, factors.zeros) & np.isin(s, factors.poles)
             off = np.where(solved | cancelled | (s == 0), 0.0, s.size * np.abs(step))
             if not np.any(off):
@@ -193,9 +196,9 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
 
 
 def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
-    """L, and the step of Newton's method on D + N, from the factors."""
+    """Return L, and the step of Newton's method on D + N, from the factors."""
     from_zeros, from_poles = s[:, None] - factors.zeros, s[:, None] - factors.poles
-    # factor by factor, since the products leave the range of numbers
+    # The factors are combined one by one, since their products may overflow.
     pairs = min(factors.zeros.size, factors.poles.size)
     value = factors.gain * np.prod(from_zeros[:, :pairs] / from_poles[:, :pairs], axis=1)
     value = value / np.prod(from_poles[:, pairs:], axis=1)
@@ -232,13 +235,13 @@ def _factors_in_dead_times(loop: Loop) -> LoopFactors:
 
 
 def _collocation(loop: Loop, nodes: int) -> Any:
-    """Eigenvalues of the loop with its dead time as a transport equation, held at Chebyshev points."""
+    """Return the eigenvalues of the loop with its dead time as a transport equation at Chebyshev points."""
     num, den = open_loop(loop)
     order = len(den) - 1
     direct = num[0] / den[0] if len(num) == len(den) else 0.0
     c = np.append(np.zeros(len(den) - len(num)), num)[1:] / den[0] - direct * den[1:] / den[0]
-    # what has left the loop and not come back is a wave that travels through the dead time: a linear system without
-    # delay, whose eigenvalues at few Chebyshev points are those of the loop, the slow ones first
+    # The signal in the dead time is a travelling wave. Sampled at Chebyshev points it is a linear system without delay,
+    # whose eigenvalues approximate those of the loop, the slow ones with the fewest points.
     A = np.eye(order, k=-1)
     A[:1] = -den[1:] / den[0]
     k = np.arange(nodes + 1)
@@ -248,7 +251,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     D = (D - np.diag(D.sum(axis=1))) * 2
     generator = np.zeros((order + nodes, order + nodes))
     generator[:order, :order] = A
-    generator[:order, -1] = -np.eye(1, order)  # the input is minus the loop's output, one dead time ago
+    generator[:order, -1] = -np.eye(1, order)  # The input is minus the output of the loop one dead time ago.
     generator[order:, order:] = D[1:, 1:]
     generator[order:, :order] = np.outer(D[1:, 0], c)
     generator[order:, -1] -= direct * D[1:, 0]
@@ -257,7 +260,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
-    """Newton's method on the characteristic function; what does not solve it in the end was no pole."""
+    """Refine poles by Newton's method on the characteristic function, and drop those that do not solve it."""
     num, den = open_loop(loop)
     slope_num, slope_den = np.polyder(num), np.polyder(den)
     start = best = s = approximate[approximate.real > -FARTHEST]
@@ -271,11 +274,11 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
-        # far right of the axis the dead time leaves only rounding of `value`
+        # Far right of the axis only rounding remains of `value`, because of the dead time.
         still = np.abs(step) <= 1e-9 * np.abs(s)
         is_near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
-        # in a cluster it diverges once only rounding is left of value and slope
+        # In a cluster it diverges when value and slope are only rounding.
         s = np.where(is_near & (np.abs(value) <= 10 * least), s, best)
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
@@ -283,19 +286,19 @@ def _polished(loop: Loop, approximate: Any) -> Any:
 
 
 def _sorted(poles: Any) -> Any:
-    """By falling real part, pairs together, the one above the axis first."""
+    """Sort poles by falling real part, with pairs together, the one above the axis first."""
     return poles[_order(poles)]
 
 
 def _order(poles: Any) -> Any:
-    """Places of the poles in the order of `_sorted`."""
+    """Return the places of the poles in the order of `_sorted`."""
     unit = np.exp2(np.ceil(np.log2(np.maximum(np.abs(poles), 1e-300))))
     real, height = (np.round(part / unit, 13) * unit for part in (poles.real, np.abs(poles.imag)))
     return np.lexsort((-poles.imag, -height, -real))
 
 
 def _whole_pairs(poles: Array, count: int) -> int:
-    """Smallest number from count on that does not split a complex pair."""
+    """Return the smallest number from count on that does not split a complex pair."""
     if count >= poles.size:
         return poles.size
     last, following = poles[count - 1], poles[count]

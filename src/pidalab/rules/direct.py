@@ -18,7 +18,7 @@ from pidalab.rules.models import second_order
 
 
 def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
-    r"""PIDA controller for steps of the set point that puts its zeros on the poles; fitted to the optima, not printed.
+    r"""Design a PIDA controller for set-point steps whose zeros cancel the poles. Fitted to the optima, not printed.
 
     .. math:: k_i = \frac{0.722}{k\theta}, \quad k_p = k_i (2\xi\tau + b), \quad k_d = k_i (\tau^2 + 2\xi\tau b), \quad
               k_a = k_i \tau^2 b, \qquad
@@ -63,7 +63,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     """
     m = second_order(model)
     lag = _check.real("alpha_d", alpha_d, above=0.0) * m.tau / (2 * m.damping)
-    # it is negative for slow filters; a lower bound of 0 would make Ms large
+    # It is negative for slow filters. A lower bound of 0 would make Ms large.
     lead = 0.36 * m.delay - 0.391 * lag * lag / m.delay
     ki, a1 = 0.722 / (m.gain * m.delay), 2 * m.damping * m.tau
     return _from_gains(
@@ -72,7 +72,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
 
 
 def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
-    r"""PIDA controller for load disturbances, ITAE small with Ms about 2; fitted to the optima, not printed.
+    r"""Design a PIDA controller for load disturbances, with small ITAE, Ms about 2. Fitted to the optima, not printed.
 
     .. math:: \begin{pmatrix} k\,k_i\,\theta\,r^2 \\ k\,k_p\,r^2 \\ k\,k_d\,r^2/\theta \\ k\,k_a\,r^2/\theta^2
               \end{pmatrix} = \begin{pmatrix} 0.040 & 0.546 & 0.455 \\ 0.344 & 1.852 & 0.003 \\

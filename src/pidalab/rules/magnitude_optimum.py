@@ -346,7 +346,9 @@ def tune_for_filter_noise(
         time = math.exp(log_time)
         filtered_gains = [float(gain) for gain in _solved(series.lagged(plain, time, n), m)]
         ratio = filtered_noise_gain(filtered_gains, time, n, float(plain[0]), sample_time) / wanted
-        return math.log(max(ratio, sys.float_info.min))  # 0 where K_0 of a PI controller changes its sign
+        return math.log(
+            max(ratio, sys.float_info.min)
+        )  # It is 0 where K_0 of a PI controller changes its sign.
 
     low, high = _bracket(excess, math.log(_time_scale(plain) / 20))
     if high is None:
@@ -419,7 +421,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
-    elif isinstance(getattr(model, "process", None), Process):  # its numbers would pass for areas
+    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be accepted as areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
@@ -463,7 +465,7 @@ def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Se
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
     largest = [max(map(abs, row)) for row in scaled]
     matrix = np.array([[float(x / unit) for x in row] for row, unit in zip(scaled, largest, strict=True)])
-    moved = np.zeros((size, len(areas)))  # of each condition, by the step of each area
+    moved = np.zeros((size, len(areas)))  # Change of each condition by the step of each area.
     for r in range(size):
         for c in range(min(size, 2 * r + 2)):
             k = 2 * r + 1 - c

@@ -92,7 +92,7 @@ class StartingModels:
         gain, delay = self.process.gain(), self.integrator.delay
         excess = y / gain - (1 - math.exp(-1))
         i = int(np.argmax(excess >= 0))
-        # interpolate between samples; a process with a jump may be beyond 63 % at once
+        # Interpolate between samples. A process with a jump may exceed 63 % at once.
         reached = float(np.interp(0.0, excess[i - 1 : i + 1], t[i - 1 : i + 1])) if i else 0.0
         return fopdt(gain, reached + self.process.delay - delay, delay)
 
@@ -112,7 +112,7 @@ class StartingModels:
         if not self._settles():
             raise ValueError("process must be stable: three_point needs a step response that settles")
         with warnings.catch_warnings():
-            # the process is known, so the measures of the loop with it show what the model loses
+            # The process is known, so the loop with the process shows the error of the model.
             warnings.simplefilter("ignore", RecordWarning)
             return three_point(*self._response(self.process)).process
 
@@ -125,7 +125,7 @@ class StartingModels:
             raise ValueError("process must not be unstable: the integrator is read from its step response")
         if itself:
             return self.process
-        # the largest lag hardly affects the initial slope
+        # The largest lag hardly affects the initial slope.
         lags = np.sort(_lags(self.process))[: -1 if self._settles() else None]
         tangent = ipdt_tangent(*self._response(self._undelayed, 10 * float(np.sum(lags))))
         return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)

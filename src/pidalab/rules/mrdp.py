@@ -200,8 +200,8 @@ MRDP_SOURCES = {
 def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None) -> Design:
     r"""Tune PID_n^m and its prefilter for an integrator with dead time, sec. II.B.
 
-    Nothing in the rule makes sure that the loop is stable: for m of 2 and more it is not if `te` is short against the
-    dead time, see `smallest_te`.
+    The rule does not ensure that the loop is stable. For m of 2 and more it is unstable if `te` is short compared with
+    the dead time (see `smallest_te`).
 
     Parameters
     ----------
@@ -345,7 +345,7 @@ def smallest_te(m: int, n: int) -> float:
     ratio, unit = filter_ratio(m, n), constants(m)
     if m < 2:
         return 0.0
-    # the share of T_e in T_d for which the hump is 1
+    # The share of T_e in T_d for which the hump is 1.
     shape = math.sqrt((m - 1) ** (m - 1) * (n - m + 1) ** (n - m + 1) / n**n)
     share = (unit.gain * unit.derivative_times[-1] * shape) ** (1 / (m - 1)) / ratio
     estimate = share / (1 - share)

@@ -1,21 +1,21 @@
 r"""Exact simulation of linear loops with dead time.
 
-Cut at its dead time h, the loop is x' = A x + b w with w(t) = v(t - h): one delayed channel, or three beside a
-filter that is far faster than the plant, with matrices in place of b, c_v and d_v. Stack the state with its own past,
-(x(t), x(t - h), x(t - 2h), ...): between multiples of h this stack obeys an ordinary linear differential equation whose
+Opened at its dead time h, the loop is x' = A x + b w with w(t) = v(t - h). There is one delayed channel, or three with
+a filter that is much faster than the plant; then matrices replace b, c_v and d_v. Stack the state with its own past,
+(x(t), x(t - h), x(t - 2h), ...). Between multiples of h this stack obeys an ordinary linear differential equation whose
 matrix is block Toeplitz, that is, a polynomial in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
 So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi_j(\tau) z^j = e^{\mathcal A(z)\tau}`,
-without any approximation as long as no multiple of h lies strictly between t and t + tau. The simulation takes four
+without any approximation as long as no multiple of h lies strictly between t and t + tau. The simulation has four
 steps:
 
 1. compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring (without the 1, so that slow
    states keep their digits next to fast ones);
 2. compute the states at the multiples of h, one after the other;
-3. carry each stack to the first requested time in its interval, by powers and a Taylor series for the rest;
-4. compute all other requested times as matrix products of rows for a run of times and stacks.
+3. advance each stack to the first requested time in its interval, by powers and a Taylor series for the remainder;
+4. compute all other requested times as matrix products: rows for a run of times, applied to stacks.
 """
 
 from __future__ import annotations
@@ -40,18 +40,21 @@ from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
 # Digits may cancel where a dead time, or t, spans more than this many time constants of the fastest state.
 CHECKED_FROM = 3e3
-OTHER_UNITS = (1.3, 0.6, 2.2)  # of time and u: for the second response, and for others if that leaves doubts
+# Units of time and u for the second response, and for further ones if the first two do not decide.
+OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # times at which two responses are compared
-DENSE = 10_000  # times that show the size of a response before it is refused
-AGREEMENT = 1e-10  # allowed difference, relative to the largest value of a signal: nine digits are promised
-CERTAIN = 1e-12  # difference below which two responses are enough, since they seldom err alike so closely
-BESIDE_KICKS = 1e-6  # allowed difference relative to values outside kicks, and at requested times
+DENSE = 10_000  # times at which the size of a response is computed before it is refused
+# Allowed difference, relative to the largest value of a signal. Nine digits are promised.
+AGREEMENT = 1e-10
+# Two responses whose difference is smaller are enough, since equal errors are unlikely.
+CERTAIN = 1e-12
+OUTSIDE_KICKS = 1e-6  # allowed difference relative to values outside kicks, and at requested times
 KICK_DURATION = 60.0  # in time constants of the fastest state
-# Time constants after which a time, known to 1e-16, no longer tells its place within a kick.
+# Number of time constants after which a time, rounded to 1e-16, no longer determines its place within a kick.
 KICK_UNRESOLVED = 1e5
 
 
-# loops, and the grids on which their responses were found to have their digits
+# The loops, and the grids on which their responses are known to be exact enough.
 AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary()
 
 
@@ -66,17 +69,17 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     Notes
     -----
     No bound on the speeds of a loop tells how many digits cancel. A stiff loop is therefore computed again in other
-    units. If these are not powers of 2, every coefficient, state and power rounds anew, and the powers begin at half
-    the time. Two responses that agree to ten digits cannot have lost seven of sixteen.
+    units that are not powers of 2. Every coefficient, state and power then rounds differently, and the powers begin at
+    half the time. If both responses agree to ten digits, they have not lost seven of sixteen.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
         return responses(cut, n, step, norm)
-    # the requested times may miss those at which digits are lost
+    # A coarse grid may miss the times at which digits are lost.
     finer = -(-FEWEST_COMPARED // (n - 1))
     steps, step = (n - 1) * finer, step / finer
     values = responses(cut, steps + 1, step, norm)
-    if not _check.all_finite(values):  # the caller reports the overflow
+    if not _check.all_finite(values):  # the caller raises the error
         numbers = np.isfinite(values).all(axis=(0, 1))
         values[:, :, np.argmin(numbers) :] = np.nan
     elif (inputs, steps, step) not in (agreed := AGREED.setdefault(loop, set())):
@@ -90,7 +93,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
     """Return the cut loop, its norm, and whether digits may cancel."""
     cut = cut_at_delay(loop, inputs)
     norm = norm_over(cut, n, step)
-    # without dead time the loop is closed, and its blocks may be faster than its poles
+    # Without dead time the cut loop is closed, and its blocks may be faster than its poles.
     speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
     return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
 
@@ -98,18 +101,18 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
 def _require_agreement(
     loop: Loop, inputs: str, cut: Cut, norm: float, values: Array, step: float, finer: int
 ) -> None:
-    """Raise if responses in other units differ; one time in `finer` is requested."""
+    """Raise if responses in other units differ. Of the times every `finer`-th is requested."""
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
-    # either all times are requested, or all are compared
+    # Here either all times are requested or all are compared.
     shown = _sizes(cut, values[:, :, ::finer], step * finer, every) if finer > 1 else size
     uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:
         other = _in_other_units(loop, inputs, unit, steps // every + 1, step * every)
         difference = np.minimum(np.nan_to_num(np.abs(values[:, :, ::every] - other), nan=np.inf), 1e300)
         share = np.max(difference / size, axis=2)
-        if share.max() > AGREEMENT and not all_seen:  # the requested times may miss the largest values
+        if share.max() > AGREEMENT and not all_seen:  # a coarse grid may miss the largest values
             more, all_seen = -(-DENSE // steps), True
             dense = responses(cut, steps * more + 1, step / more, norm)
             size = _sizes(cut, dense, step / more, every * more) if np.isfinite(dense).all() else size
@@ -118,17 +121,17 @@ def _require_agreement(
         beside_shown = np.maximum(beside_shown, np.max(difference[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    # the digits may suffice for the largest values, which lie between the requested times
+    # The digits may be enough only relative to larger values between the requested times.
     hidden = uncertain.max() <= AGREEMENT
-    share, allowed = (beside_shown, BESIDE_KICKS) if hidden else (uncertain, AGREEMENT)
+    share, allowed = (beside_shown, OUTSIDE_KICKS) if hidden else (uncertain, AGREEMENT)
     if share.max() <= allowed:
         return
     where = " at the requested times" if hidden else ""
-    remedy = "between them are far larger ones; ask for more times, or shorten t"
+    remedy = "much larger values lie between them; request more times, or shorten t"
     if not hidden:
         fastest = 1 / np.max(_speeds(cut))
         remedy = (
-            f"the fastest filter or lag of the loop has a time constant of {fastest:.3g}, too short beside the others; "
+            f"the fastest filter or lag of the loop has a time constant of {fastest:.3g}, too short for the others; "
             "take a longer one, or leave it out"
         )
     _, signal = np.unravel_index(np.argmax(share), share.shape)
@@ -153,10 +156,11 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
 
     Notes
     -----
-    This is the largest value up to a dead time later: a response that grows must have its digits from the start, and
-    one that begins with zeros need not have them there. Compared with a kick of 1e13, any error after it would be
-    negligible; so values outside kicks are compared with each other, too, to fewer digits. Times within the fastest
-    kick, just after a multiple of the dead time, do not count: a value there is only as exact as its time.
+    The size is the largest value up to a dead time later. So a growing response must be exact from the start, and one
+    that begins with zeros need not be exact there. Compared with a kick of 1e13, any error after it would be
+    negligible. Values outside kicks are therefore also compared with each other, to fewer digits. Times within the
+    fastest kick, just after a multiple of the dead time, do not count, since a value there is only as exact as its
+    time.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -168,7 +172,7 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
     with_kicks, without = (
         np.maximum.accumulate(sizes, axis=2)[:, :, later] for sizes in (values, values * outside)
     )
-    after = np.where(outside[::every], without * (BESIDE_KICKS / AGREEMENT), np.inf)
+    after = np.where(outside[::every], without * (OUTSIDE_KICKS / AGREEMENT), np.inf)
     return np.where(compared[::every], np.maximum(np.minimum(with_kicks, after), 1e-300), np.inf)
 
 
@@ -196,8 +200,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     Raises
     ------
     ValueError
-        For an ill-posed loop, an unstable loop whose response overflows, and a loop whose memory of past dead times
-        does not fade (\\|L\\| near 1 or above at infinite frequency) over too many of them.
+        For an ill-posed loop, an unstable loop whose response overflows, and a loop with \\|L\\| near 1 or above at
+        infinite frequency over too many dead times, because its response depends on all of them.
 
     Examples
     --------
@@ -209,10 +213,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     """
     unit = checked_responses(loop, inputs, t.size, t[-1] / (t.size - 1))
     if not _check.all_finite(unit):
-        lost = ~np.isfinite(unit).all(axis=(0, 1))
-        raise ValueError(
-            f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}"
-        )
+        overflowed = ~np.isfinite(unit).all(axis=(0, 1))
+        raise ValueError(f"the response of the unstable loop overflows before t = {t[overflowed][0]:.4g}")
     return unit
 
 
@@ -221,8 +223,8 @@ def simulate(
 ) -> Response:
     """Simulate a linear loop exactly, dead time included.
 
-    The loop is at rest before t = 0. No Padé approximation, no interpolation: the values are those of the
-    continuous-time loop at the requested times, whether or not these are aligned with the dead time.
+    The loop is at rest before t = 0. There is no Padé approximation and no interpolation. The values are those of the
+    continuous-time loop at the requested times, which need not be aligned with the dead time.
 
     Parameters
     ----------
@@ -241,8 +243,8 @@ def simulate(
     Raises
     ------
     ValueError
-        For times that are not uniform from 0, signals of another length or with NaN, a loop that is ill-posed, and a
-        controller whose limits the linear control signal exceeds: this engine has no saturation.
+        For times that are not uniform from 0, signals of another length or with NaN, an ill-posed loop, and a control
+        signal beyond the controller's limits, since this engine has no saturation.
 
     Examples
     --------
@@ -260,7 +262,7 @@ def simulate(
 def simulate_ensemble(
     loop: Loop, t: ArrayLike, noise: ArrayLike, *, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
 ) -> list[Response]:
-    """Simulate the same experiment under several records of noise, at little more than the cost of one.
+    """Simulate the same experiment under several records of noise, hardly slower than one.
 
     Parameters
     ----------
@@ -303,7 +305,7 @@ def simulate_ensemble(
 
 
 def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> list[Response]:
-    """Simulate set point and load under each record of noise; the arrays have been checked."""
+    """Simulate set point and load under each record of noise. The arrays have been checked."""
     require_loop(loop)
     noisy = any(_acts(record) for record in records)
     driven = "r" * _acts(r) + "d" * _acts(d) + "n" * noisy
@@ -316,7 +318,7 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
     for n in records:
         quiet = not (noisy and _acts(n))
         y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
-        # noise is defined by its samples: there is no finer grid
+        # Noise is defined by its samples, so it has no finer grid.
         finer, speed = (
             (partial(_respond_finer, loop, t, r, d), partial(fastest_pole, loop)) if quiet else (None, None)
         )
@@ -349,7 +351,7 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve
 
-    # FFT convolution rounds relative to its largest value. A growing response is damped before it and restored after,
+    # FFT convolution rounds relative to its largest value. A growing response is damped before and restored afterwards,
     # so that rounding is relative to the largest value up to each time.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
     middle = (t.size - 1) // 2
@@ -423,19 +425,19 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
 
 
 def open_loop_step(process: Process, t: ArrayLike) -> Response:
-    """Simulate an experiment for identification: the input of the process steps from 0 to 1, without feedback.
+    """Simulate a step experiment for identification: the input steps from 0 to 1, without feedback.
 
     Parameters
     ----------
     process : Process
-        The process; a controller, a number or a system of python-control serves as well.
+        The process. A controller, a number or a system of python-control is accepted, too.
     t : array_like, shape (n,)
         Uniform times that start at 0.
 
     Returns
     -------
     Response
-        With y the output and u = 1 the input; the final value of a stable process is its static gain.
+        Output y and input u = 1. For a stable process `final` is the static gain.
 
     Examples
     --------
@@ -457,14 +459,14 @@ def _as_input(final: float | None, record: Response) -> Response:
     return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)
 
 
-SETTLING_POINTS = 4001  # of the response
-HORIZON_DOUBLINGS = 13  # so that a loop ten thousand times slower than expected still settles
+SETTLING_POINTS = 4001
+HORIZON_DOUBLINGS = 13  # a loop that is ten thousand times slower than expected still settles
 
 
 def simulate_until_settled(
     simulate: Callable[[Loop, Array], Response], loop: Loop, horizon: float
 ) -> Response:
-    """Simulate a step until the response has settled, so that its integrals are those to infinity.
+    """Simulate a step until the response has settled, so that its integrals extend to infinity.
 
     Parameters
     ----------
@@ -473,19 +475,18 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        First end of the simulation, above 0. It is doubled until the error has died away. Ends within twice the dead
-        time are skipped, since nothing of the loop's answer can be seen there.
+        First end of the simulation, above 0. It is doubled until the error has decayed. Ends below twice the dead time
+        are skipped, since the loop has not reacted there.
 
     Returns
     -------
     Response
-        Its ``iae(horizon=math.inf)`` exists.
+        A response for which ``iae(horizon=math.inf)`` exists.
 
     Raises
     ------
     ValueError
-        For a horizon that is not above 0, for a response that has not settled after all doublings, and for one that
-        needs too many dead times.
+        For a horizon that is not above 0, a response that does not settle, and one that needs too many dead times.
 
     Examples
     --------
@@ -515,7 +516,7 @@ def simulate_until_settled(
 
 
 def load_iae(loop: Loop) -> float:
-    """Return the IAE of a unit step of the load, over a horizon that fits the loop.
+    """Return the IAE of a unit step of the load, to infinity.
 
     Parameters
     ----------
@@ -525,7 +526,7 @@ def load_iae(loop: Loop) -> float:
     Returns
     -------
     float
-        IAE to infinity, in units of y times time.
+        IAE in units of y times time.
 
     Raises
     ------

@@ -1,24 +1,25 @@
-"""Step responses of a loop with dead time, computed from dead time to dead time: see `pidalab.simulation.exact`.
+"""Step responses of a loop with dead time, computed from dead time to dead time (see `pidalab.simulation.exact`).
 
-A *stack* is a row of states, oldest first: the present state at its end, the state one dead time ago before it, and so
-on. The number of states in it is its number of *ages*. *Powers* are the exponentials of the loop's matrix less 1, over
-the step of time times powers of 2; each is an element of the ring in `pidalab.simulation.ring`.
+A *stack* is a row of states, oldest first. The present state is at its end, the state one dead time ago before it, and
+so on. The number of its states is its number of *ages*. *Powers* are the exponentials of the loop's matrix less 1, over
+the time step multiplied by powers of 2. Each is an element of the ring in `pidalab.simulation.ring`.
 
 Notes
 -----
-*How much is remembered.* An element of reach R makes the state of age a out of the states of ages a to a + R - 1 and of
-no others. To know the youngest m ages after it, one needs the youngest m + R - 1 before it. Every stack is cut by this
-rule, backwards from what the outputs read: each element still to be applied adds its reach less 1, back to the
-beginning of time, before which all states are 0. So cutting adds no error.
+*Length of a stack.* An element of reach R computes the state of age a from the states of ages a to a + R - 1 and from
+no others. The youngest m ages after it depend on the youngest m + R - 1 before it. Every stack is truncated by this
+rule, backwards from the ages that the outputs read: each element still to be applied adds its reach less 1, at most
+back to t = 0, before which all states are 0. So truncation adds no error.
 
-*What bounds the rest.* Where one power is applied r times, its reach does not count r times. The binary digits of r say
-which higher powers have the same product, and their reaches count. They are shorter, because each lost its last
-coefficients when it was formed: those below `DROPPED` of its largest. A stack cut by them lacks only what those
-coefficients would have made of its oldest states. Outputs leave out the same share of what they read. In all, what is
-missing is at most `DROPPED`, times the number of powers, times the largest coefficient of a power, times what the
-others make of it, times the largest old state, in the balanced units of the states. That is far below rounding unless
-coefficients or states are 1e10 times as large as what is asked for. There rounding takes the digits first, and
-`checked_responses` looks at what is left. It does not see what is left out here, since other units leave out the same.
+*Error bound.* If one power is applied r times, its reach does not count r times. The binary digits of r select the
+higher powers that have the same product, and their reaches count. These are shorter, because each power dropped its
+last coefficients when it was formed, those below `DROPPED` of its largest. A stack that is truncated by these reaches
+lacks only the contribution of the dropped coefficients to its oldest states. Outputs drop the same share of the ages
+that they read. The total error is at most `DROPPED`, times the number of powers, times the largest coefficient of a
+power, times the gain of the others, times the largest old state, in the balanced units of the states. That is far below
+rounding unless coefficients or states are 1e10 times as large as the requested values. In that case rounding destroys
+the digits first, and `checked_responses` detects it. It does not detect the truncation itself, since responses in other
+units truncate equally.
 """
 
 from __future__ import annotations
@@ -43,19 +44,19 @@ from pidalab.simulation.stacks import (
     summed,
 )
 
-MAX_STACK = 4000  # states in a stack: beyond, the simulation takes too long
-MAX_WORK = 4e9  # multiplications from dead time to dead time beyond which it takes too long: seconds
-MAX_ANCHORS = 1e7  # states at the multiples of the dead time that are kept
-LONGEST_RUN = 8  # logarithm to base 2 of the requested times that are read from one stack, at most
-# Logarithm to base 2 of the number of lowest powers that one Taylor series replaces when a stack is carried. A longer
-# series costs less than three powers, and its terms, up to e^4 in units of the states, cost less than two digits.
+MAX_STACK = 4000  # states in a stack; with more the simulation takes too long
+MAX_WORK = 4e9  # multiplications, which take seconds; with more the simulation takes too long
+MAX_ANCHORS = 1e7  # stored states at multiples of the dead time
+LONGEST_RUN = 8  # logarithm to base 2 of the largest number of requested times that are read from one stack
+# One Taylor series replaces this number of lowest powers when a stack is advanced. A longer series costs less than
+# three powers, and its terms, up to e^4 in units of the states, cost less than two digits.
 SERIES = 3
-KEPT_INTERVALS = 64  # dead times whose derivatives are kept in addition to those that a stack reads
+KEPT_INTERVALS = 64  # dead times whose derivatives are stored in addition to those that a stack reads
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
 class ManyDeadTimes(ValueError):
-    """More dead times than can be followed one after the other."""
+    """Raised if there are too many dead times to simulate one after the other."""
 
 
 def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
@@ -64,23 +65,23 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
     Parameters
     ----------
     cut : Cut
-        The loop, cut at its dead time.
+        The loop, opened at its dead time.
     n : int
         Number of times.
     step : float
         Their distance.
     norm : float
-        That of `norm_over`, or a larger one; it decides how short the lowest power is.
+        Value of `norm_over`, or a larger one, which makes the lowest power shorter.
 
     Raises
     ------
     ManyDeadTimes, ValueError
-        For too many dead times, for a loop that remembers too many of them, and for numbers that overflow.
+        For too many dead times, a loop that depends on too many past ones, and an overflow.
     """
     intervals = _intervals(cut, n, step)
     result, _, status = _responses(cut, step, n, intervals, norm)
     if status == TOO_LARGE:
-        raise ValueError("the response of the unstable loop leaves the range of numbers; shorten t")
+        raise ValueError("the response of the unstable loop overflows; shorten t")
     if status == TOO_MANY:
         raise ManyDeadTimes(_too_many((n - 1) * step / cut.delay))
     if status == TOO_DEEP:
@@ -96,16 +97,16 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
     spanned = (n - 1) * step / cut.delay if cut.delay else 0.0
     if not spanned * cut.x0.shape[0] < MAX_ANCHORS:
         raise ManyDeadTimes(_too_many(spanned))
-    # a time as close to a multiple of the dead time as rounding is that multiple
+    # A time that differs from a multiple of the dead time only by rounding counts as that multiple.
     return int(spanned * (1.0 + 8.0 * np.finfo(float).eps))
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Bound the block Toeplitz matrix, over as many ages as there are within n times."""
+    """Bound the norm of the block Toeplitz matrix, over the ages within n times."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
-        while ages < intervals and power.any():  # the sum of all powers, for twice as many ages each time
+        while ages < intervals and power.any():  # each pass sums the powers of twice as many ages
             through = through + power @ through
             power = power @ power
             ages *= 2
@@ -115,39 +116,40 @@ def norm_over(cut: Cut, n: int, step: float) -> float:
 
 def _too_many(intervals: float) -> str:
     return (
-        f"t spans {intervals:.3g} dead times, too many to follow one after the other; shorten t, or leave out a dead "
-        "time as short as that"
+        f"t spans {intervals:.3g} dead times, too many to follow one after the other; shorten t, or leave out "
+        "so short a dead time"
     )
 
 
 @compiled
 def _responses(cut, step, n, intervals, norm):
-    """Return step responses at n times, the number of ages that matter, and a status.
+    """Return step responses at n times, the number of ages that outputs read, and a status.
 
     Notes
     -----
     For each multiple k of the dead time, `states[:, k]` is the state there and `terms[:, m, k]` its derivative of order
-    m times delta^m / m!. The loop over k keeps the following true.
+    m times delta^m / m!. The loop over k keeps these invariants:
 
-    * Before k all requested times below k dead times are done; `first` is the next one.
-    * `start` is the multiple at the beginning of `terms`, which holds all that a stack of `deepest` ages reads.
+    * Before k all requested times below k dead times are computed, and `first` is the next one.
+    * `start` is the multiple at the beginning of `terms`, which holds everything that a stack of `deepest` ages reads.
     * The stack at the first requested time in an interval is the Taylor series of the stack at k over a share of
-      delta, and then carried on by whole deltas, whose number is written in binary by the powers.
-    * Each stack has the ages that the outputs read from it and from the stacks that follow, and not more.
+      delta, advanced by a number of whole deltas. The binary digits of that number select the powers.
+    * Each stack has only the ages that the outputs read from it and from the stacks that follow.
 
-    Outputs at `run` times in succession are one product: the stack by `rows`.
+    Outputs at `run` successive times are one product, the stack by `rows`. The method is that of the module
+    `pidalab.simulation.exact`.
     """
     A, B, Cv, D, delay = cut.A, cut.B, cut.Cv, cut.D, cut.delay
     size, inputs = cut.x0.shape
     result = np.zeros((inputs, 3, n))
-    inside = n - 1  # steps in a dead time
+    inside = n - 1  # number of steps in a dead time
     if delay > 0.0:
         inside = int(min(delay / step * (1.0 + 1e-12), 1e15))
-    # A long run needs costly rows and a short one many stacks; the sum is least near the root of n / 3.
+    # Long runs need expensive rows, short runs many stacks. The sum is least near the root of n / 3.
     run_bits = 0
     while run_bits < LONGEST_RUN and 2.0 * 4.0**run_bits <= n / 3.0 + 1.0:
         run_bits += 1
-    # The highest power spans a run of times, or a dead time if there is one.
+    # The highest power spans a run of times, or the dead time if there is one.
     top = run_bits
     if delay > 0.0:
         top = 0
@@ -159,7 +161,7 @@ def _responses(cut, step, n, intervals, norm):
     powers, low = ladder(A, B, Cv, D, norm, step, top, most)
     if len(powers) == 0:
         return result, 0, TOO_LARGE
-    # The Taylor series that carries a stack spans delta; it ends where its terms no longer count.
+    # The Taylor series that advances a stack spans delta and ends where its terms are negligible.
     spanned = min(SERIES, -low)
     bits = min(-low, len(powers))  # no distance is longer than a step or a dead time
     delta = step * 2.0 ** (low + spanned)
@@ -170,13 +172,13 @@ def _responses(cut, step, n, intervals, norm):
     aligned = True
     for k in range(1, intervals + 1):
         aligned = aligned and distance_after(k, first_time(k, step, delay), step, delay) == 0.0
-    if aligned:  # every stack begins at a multiple of the dead time, so nothing is carried
+    if aligned:  # every stack begins at a multiple of the dead time, so none has to be advanced
         series = 0
     for element in powers:
         if element.shape[1] == most * size and most < intervals + 1:
             return result, most, TOO_DEEP
 
-    # Each state at a multiple of the dead time adds to all later ones that remember it.
+    # Each state at a multiple of the dead time contributes to the later ones within the reach of `across`.
     states = np.zeros((inputs, (intervals + 1) * size))
     for i in range(inputs):
         for j in range(size):
@@ -196,8 +198,8 @@ def _responses(cut, step, n, intervals, norm):
                 reached = row[place + size : min(row.size, place + size + across.shape[1])]
                 add_rows(reached, row[place : place + size], across, 0, 0)
 
-    # What the outputs read of a stack, and the ages that are needed to carry it there. One run serves all times of an
-    # interval if it is at most half as long again, since that spares a second stack.
+    # Rows by which the outputs read a stack, and the ages that are needed to advance it there. One run serves all times
+    # of an interval if it is at most half as long again, since that saves a second stack.
     run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**run_bits else 2**run_bits
     rows = output_rows(cut.C, cut.direct, Cv, D, cut.settled_u, most, run, powers, -low)
     outputs = rows.shape[1] // run
@@ -210,7 +212,7 @@ def _responses(cut, step, n, intervals, norm):
         deepest += powers[p].shape[1] // size - 1
     deepest = min(deepest, intervals + 1)
 
-    # Derivatives of the states at the multiples, as far back as a stack reads.
+    # `terms` holds derivatives of the states at the multiples, as far back as a stack reads.
     room = min(intervals + 1, deepest + KEPT_INTERVALS)
     terms = np.zeros((inputs, series + 1, room * size))
     delayed = np.zeros((inputs, series + 1, B.shape[1]))
@@ -235,11 +237,11 @@ def _responses(cut, step, n, intervals, norm):
         last = n if k == intervals else min(n, first_time(k + 1, step, delay))
         if first >= last:
             continue
-        # From the multiple to the first requested time: a share of delta by the series, and `count` deltas by powers.
+        # The series spans the share of a delta, the powers span `count` whole deltas up to the first requested time.
         distance = distance_after(k, first, step, delay)
         count = np.floor(distance / delta)
         share = distance / delta - count
-        runs = (last - first - 1) // run  # that follow the first
+        runs = (last - first - 1) // run  # number of runs after the first one
         ages = needed[runs]
         for p in range(spanned, bits):
             if bit_is_set(count, p - spanned):
@@ -270,7 +272,7 @@ def _responses(cut, step, n, intervals, norm):
                     if outputs > 3 and distance + step * (begin + m - first) > cut.settling:
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
-                    # A jump at a multiple moves the fast part only after it, so just there the oldest states count too.
+                    # A jump at a multiple moves the fast part only afterwards. There the oldest states count, too.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size

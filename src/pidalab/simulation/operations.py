@@ -1,9 +1,9 @@
-"""The step of a digital controller as operations on numbers, which a compiled loop carries out.
+"""The step of a digital controller as a list of operations, which a compiled loop executes.
 
-`pidalab.digital.program` describes the step, and C, structured text and Python are printed from it. Here it becomes a
-list of operations in the same order, so that the simulation gives the same bits as the written code. There are no
-jumps: what an ``if`` guards is computed in any case, and takes effect where its condition holds. So one list serves one
-loop, and many loops side by side.
+`pidalab.digital.program` describes the step, from which C, structured text and Python are written. This module turns it
+into operations in the same order, so that the simulation gives the same bits as the written code. There are no jumps.
+Both branches of an ``if`` are computed, and an assignment takes effect only where its condition holds. So the same list
+serves a single loop and many loops in parallel.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.digital.program import If, Program, Set, Statement
 
-# places of the signals of the controller, and of what a block outside the program makes of the error
+# Places of the controller's signals, and of the output of a block outside the program.
 SETPOINT, MEASUREMENT, CONTROL, SUMMED = range(4)
 SIGNALS = ("setpoint", "measurement", "control", "summed")
-# target = left + right, and so on; COPY: target = left; CHOOSE: target = left if right is not 0
+# ADD is target = left + right, and so on. COPY is target = left. CHOOSE is target = left if right is not 0.
 ADD, SUBTRACT, MULTIPLY, LESS, GREATER, COPY, CHOOSE = range(7)
 OPERATION_CODES: dict[type, int] = {
     ast.Add: ADD,
@@ -30,9 +30,9 @@ OPERATION_CODES: dict[type, int] = {
     ast.Lt: LESS,
     ast.Gt: GREATER,
     ast.And: MULTIPLY,
-    ast.Or: ADD,  # of conditions that exclude each other
+    ast.Or: ADD,  # the conditions exclude each other
 }
-FOR_OTHERS = ("at_limit",)  # what a step tells and does not use
+FOR_OTHERS = ("at_limit",)  # outputs that a step does not use
 PARSING = threading.Lock()  # Python 3.11 counts the depth of a syntax tree for all threads together
 
 
@@ -40,12 +40,12 @@ class Operations(NamedTuple):
     """A step as operations."""
 
     code: np.ndarray  # intp, (operations, 4): kind, and the places of target, left and right
-    places: dict[str, int]  # of signals, constants and states, `SIGNALS` first
-    numbers: Array  # their values, and room for what is computed in a step
+    places: dict[str, int]  # places of signals, constants and states, `SIGNALS` first
+    numbers: Array  # their values, and space for intermediate results
 
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:
-    """Turn the statements of a program that has started, in automatic mode and with good samples, into operations."""
+    """Compile the statements of a started program, for automatic mode and valid samples."""
     values = {
         **dict.fromkeys(SIGNALS, 0.0),
         **program.constants,
@@ -63,7 +63,7 @@ def operations(program: Program, states: Mapping[str, float]) -> Operations:
 
 
 class _Compiler:
-    """Operations as they are made; each name has a place, and intermediate results use the places after them.
+    """Compiler of statements. Each name has a place, and intermediate results use the places after the names.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class _Compiler:
         self.free = self.size = len(names)
 
     def statements(self, body: Sequence[Statement], mask: int | None) -> None:
-        """Add the operations of statements, which take effect where the number at `mask` is not 0."""
+        """Add the operations of statements that take effect where the number at `mask` is not 0."""
         for statement in body:
             kept = self.free
             if isinstance(statement, Set) and statement.target not in FOR_OTHERS:
@@ -104,13 +104,14 @@ class _Compiler:
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # computed there at once, unless from the value that is there: lanes that change in place take turns
+            # The last operation can write to the place itself, unless it reads that place: the lanes would then not be
+            # independent.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])
 
     def value(self, node: ast.expr) -> int | bool:
-        """Return the place of an expression, or whether it is true."""
+        """Return the place of an expression, or its truth value if that is known."""
         match node:
             case ast.Name(id=name):
                 return self.known[name] if name in self.known else self.places[name]
@@ -130,7 +131,7 @@ class _Compiler:
                 | ast.BinOp(left=left, op=op, right=right)
             ):
                 return self.emit(OPERATION_CODES[type(op)], self.value(left), self.value(right))
-        raise TypeError(f"a step has no such expression: {ast.unparse(node)}")
+        raise TypeError(f"a step cannot contain the expression {ast.unparse(node)}")
 
     def emit(self, kind: int, left: int, right: int) -> int:
         """Add an operation, and return the place of its result."""

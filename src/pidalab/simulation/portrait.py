@@ -1,6 +1,6 @@
-"""Performance portraits: one loop for thousands of parameter sets, judged by its measures (huba2024, sec. 2.3).
+"""Performance portraits: measures of one loop for thousands of parameter sets (huba2024, sec. 2.3).
 
-The sets go to an executor in parts. The result of a set depends neither on its part nor on the executor.
+An executor computes the sets in parts. The result of a set depends neither on its part nor on the executor.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ from pidalab.simulation.sampled_lanes import LANES, MEASURES, Controllers
 from pidalab.simulation.sampled_step import Actuator, Steps, plant_steps
 
 PARAMETER_NAMES = ("kp", "kd", "ka", "ti", "filter_time")
-MOST_SETS = 10**7  # whose measures take about 2 GB
+MOST_SETS = 10**7  # their measures take about 2 GB
 
 
 class Bank(NamedTuple):
-    """Parameters and prefilter coefficients of many loops; every array has the shape of the grid."""
+    """Parameters and prefilter coefficients of many loops. Every array has the shape of the grid."""
 
-    own: SeriesPIDA  # whose other values hold for all
-    values: dict[str, Array]  # of `PARAMETER_NAMES`
-    num: tuple[Array, ...]  # of the prefilter, as long as den
+    base: SeriesPIDA  # its other values hold for all sets
+    values: dict[str, Array]  # by `PARAMETER_NAMES`
+    num: tuple[Array, ...]  # numerator of the prefilter, as long as den
     den: tuple[Array, ...]
 
     @staticmethod
     def of(
         loop: Loop, parameters: Mapping[str, ArrayLike], prefilter: tuple[Any, Any] | None, h: float
     ) -> Bank:
-        """Collect the parameters of a loop and what differs; complain about what cannot be run with sample time h."""
+        """Collect the parameters of all sets, and check that they can run with sample time h."""
         require_loop(loop)
-        own = loop.controller
-        if not isinstance(own, SeriesPIDA) or loop.output_filter is not None:
+        base = loop.controller
+        if not isinstance(base, SeriesPIDA) or loop.output_filter is not None:
             raise TypeError(f"loop must have a SeriesPIDA and no output filter, found {loop!r}")
-        values = {name: np.asarray(getattr(own, name)) for name in PARAMETER_NAMES}
-        values |= _differing(own, parameters)
+        values = {name: np.asarray(getattr(base, name)) for name in PARAMETER_NAMES}
+        values |= _differing(base, parameters)
         num, den = ([np.asarray(x) for x in part] for part in loop.blocks["prefilter"])
         if prefilter is not None:
             num, den = _coefficients(loop, prefilter)
@@ -70,10 +70,10 @@ class Bank(NamedTuple):
             raise MemoryError(
                 f"parameters must have at most {MOST_SETS:.0e} sets, found shape {shape}; take several portraits"
             )
-        require_fine_enough(h, float(values["filter_time"].min()) if own.filter_order else math.inf)
+        require_fine_enough(h, float(values["filter_time"].min()) if base.filter_order else math.inf)
         _require_stable(den)
         values = {name: np.broadcast_to(x, shape) for name, x in values.items()}
-        return Bank(own, values, *(tuple(np.broadcast_to(x, shape) for x in part) for part in (num, den)))
+        return Bank(base, values, *(tuple(np.broadcast_to(x, shape) for x in part) for part in (num, den)))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -83,37 +83,39 @@ class Bank(NamedTuple):
     def part(self, places: Any) -> Bank:
         """Return the sets at some places in flat order."""
         values = {name: x.flat[places] for name, x in self.values.items()}
-        return Bank(self.own, values, *(tuple(x.flat[places] for x in part) for part in (self.num, self.den)))
+        return Bank(
+            self.base, values, *(tuple(x.flat[places] for x in part) for part in (self.num, self.den))
+        )
 
     def measures(
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
-        """Run the sets, one-dimensional here and whole groups of lanes, and measure them: shape (measures, sets)."""
-        groups = [sampled_lanes.run(own, plant, h, r, d, n) for own in controllers(self, limits, h)]
+        """Run the sets, a one-dimensional array of whole groups of lanes, and return measures: (measures, sets)."""
+        groups = [sampled_lanes.run(bank, plant, h, r, d, n) for bank in controllers(self, limits, h)]
         return np.concatenate(groups, axis=1)
 
 
-def _differing(own: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    """Check the parameters that differ, by the controller's own checks."""
+def _differing(base: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    """Check the given parameters by the checks of the controller."""
     if not hasattr(parameters, "keys"):
         raise TypeError(f"parameters must be a mapping of arrays by name, found {type(parameters).__name__}")
     values = {}
-    # not what iterates: a Series of pandas has its values there
+    # A Series of pandas iterates over its values, so the mapping is copied.
     for name, given in dict(parameters).items():
         if name not in PARAMETER_NAMES:
             raise ValueError(f"parameters must be among {', '.join(PARAMETER_NAMES)}, found {name!r}")
         values[name] = _check.array(f"parameters[{name!r}]", given)
         for extreme in (values[name].min(), values[name].max()):
             changed: dict[str, Any] = {name: float(extreme)}
-            replace(own, **changed)
+            replace(base, **changed)
     return values
 
 
 def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], list[Array]]:
-    """Check the prefilters that differ."""
+    """Check the given prefilters."""
     if loop.prefilter is not None:
-        raise ValueError(f"prefilter must be given once: the loop has one already, found {loop.prefilter!r}")
-    # iterating over a transfer function is an error of its own kind
+        raise ValueError(f"prefilter must be given once, but the loop has one already, {loop.prefilter!r}")
+    # Iterating over a transfer function raises an unclear error.
     two = isinstance(prefilter, (tuple, list)) and len(prefilter) == 2
     if not (two and all(map(np.iterable, prefilter))):
         raise TypeError(f"prefilter must be two sequences of coefficients, found {prefilter!r}")
@@ -124,9 +126,11 @@ def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], 
 
 
 def _require_stable(den: list[Array]) -> None:
-    """Raise for a prefilter that is unstable, or of lower order than its coefficients are many."""
+    """Raise for a prefilter that is unstable, or whose first or last denominator coefficient is 0."""
     if np.any(den[0] == 0) or np.any(den[-1] == 0):
-        raise ValueError("prefilter must have a denominator without 0 at its ends, found 0")
+        raise ValueError(
+            "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
+        )
     if len(den) > 1:
         each = np.stack(np.broadcast_arrays(*den), axis=-1)
         poles = np.linalg.eigvals(_companion(each / each[..., :1]))
@@ -146,10 +150,10 @@ def _companion(den: Array) -> Array:
 def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[Controllers]:
     """Discretise the sets for the sample time h, in groups of lanes.
 
-    The step is that of a `DigitalController`, exact for held inputs; its numbers differ.
+    All have the step of a `DigitalController` that is exact for held inputs. Only the numbers differ.
     """
     kp, kd, ka, ti, time = bank.values.values()
-    n = bank.own.filter_order
+    n = bank.base.filter_order
     gains = np.stack([kp, kd / time, ka / time**2, *np.zeros((n, kp.size))][: n + 1], axis=-1)
     if n:
         gains = held_gains(gains, np.repeat(time[:, None], n, axis=1), h)
@@ -166,7 +170,7 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
     if n:
         table[places[f"{name}_OLD"]] = -np.expm1(-h / time)
     arrays = (table, *_prefilter(bank, h))
-    # cut into groups that lie together in memory
+    # Each group is contiguous in memory.
     for start in range(0, kp.size, sampled_lanes.LANES):
         yield Controllers(
             code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in arrays)
@@ -174,50 +178,49 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
 
 
 def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:
-    """Discretise the prefilters in controllable form, in a time unit of their own; the sets are the last axis."""
+    """Discretise the prefilters in controllable form. The sets are the last axis."""
     q = len(bank.den) - 1
-    # monic denominators, one row for each set
     num, den = np.stack(bank.num, axis=-1), np.stack(bank.den, axis=-1)
     num, den = num / den[:, :1], den / den[:, :1]
-    # a unit of time in which s is about 1 at the poles, so that the companion matrix is well scaled
+    # In this unit of time s is about 1 at the poles, so that the companion matrix is well scaled.
     unit = np.abs(den[:, -1:]) ** (-1 / max(q, 1))
     scale = unit ** np.arange(q + 1)
     num, den = num * scale, den * scale
-    # the held input as a further state: one exponential gives both its transition and its influence
+    # With the held input as a further state, one exponential gives both transition and influence of the input.
     augmented = np.zeros((len(den), q + 1, q + 1))
     if q:
         augmented[:, :q, :q] = _companion(den)
         augmented[:, 0, q] = 1.0
     transition = expm(augmented * (h / unit)[:, :, None])
     phi, gamma = transition[:, :q, :q], transition[:, :q, q]
-    # output: what is left of the numerator when the direct share is taken out
+    # The output reads the remainder of the numerator after the direct part.
     d = num[:, 0]
     c = num[:, 1:] - d[:, None] * den[:, 1:]
     return tuple(np.moveaxis(x, 0, -1) for x in (phi, gamma, c, d))  # type: ignore[return-value]
 
 
-TASKS = 64  # for the workers, about
+TASKS = 64  # approximate number of tasks for the workers
 
 
 class Portrait(NamedTuple):
-    """Measures of a loop for many parameter sets, as arrays of the grid's shape; `Response` defines them.
+    """Measures of a loop for many parameter sets, as arrays of the grid's shape. `Response` defines them.
 
     Attributes
     ----------
     ie, iae, ise, itae : ndarray
         Integrals of the control error r - y up to the last time.
     tv_y, tv_u : ndarray
-        Total variation of output and control signal from their state of rest, 0, to the last sample.
+        Total variation of output and control signal from the state of rest, 0, to the last sample.
     tv1_y, tv1_u : ndarray
-        Excess over one pulse (huba2024, eq. (24)), from 0 to the value that output and control signal have to approach:
-        the set point, and the control signal that holds it against the load.
+        Excess over one pulse (huba2024, eq. (24)), from 0 to the final value: the set point for y, and for u the
+        control signal that holds it against the load.
     y_min, y_max, u_min, u_max : ndarray
         Extremes over the samples and the state of rest.
     y_end, u_end : ndarray
         Last sample.
     diverged : ndarray of bool
-        Whether the loop left the range of numbers; its measures are all infinite then. A limited loop on an integrator
-        diverges more slowly and has large numbers.
+        True for a loop that overflowed, whose measures are all infinite. A limited loop on an integrator diverges more
+        slowly and has large finite numbers.
     """
 
     ie: Array
@@ -249,28 +252,28 @@ def portrait(
     prefilter: tuple[Sequence[ArrayLike], Sequence[ArrayLike]] | None = None,
     executor: Executor | None = None,
 ) -> Portrait:
-    r"""Simulate a loop for many parameter sets at once, and return the measures of each.
+    r"""Simulate a loop for many parameter sets, and return the measures of each.
 
-    Each set is a `simulate_sampled` of its own, and no signal is stored.
+    Each set is simulated as by `simulate_sampled`. No signal is stored.
 
     Parameters
     ----------
     loop : Loop
-        A process and a `SeriesPIDA`, whose filter order, limits and other values hold for all sets; a prefilter, too.
+        A process and a `SeriesPIDA`, whose filter order, limits and other values hold for all sets. The loop may have a
+        prefilter.
     parameters : mapping of str to array_like, or pandas.DataFrame
-        What differs: arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast against each other
-        to the shape of the grid.
+        Arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast to the shape of the grid.
     t : array_like, shape (n,)
         Uniform times that start at 0; their step is the sample time.
     setpoint, load, noise : float or array_like, shape (n,), optional
         The same for all sets. A number is a step at t = 0; an array is held from each sample to the next.
     limits : tuple of float, optional
-        Smallest and largest control signal; those of the controller hold too.
+        Smallest and largest control signal. Those of the controller hold, too.
     prefilter : tuple of two sequences of array_like, optional
-        Prefilters that differ: numerator and denominator in descending powers of s, of which each coefficient is a
-        number or an array over the grid. Proper and stable.
+        Numerator and denominator of prefilters in descending powers of s. Each coefficient is a number or an array over
+        the grid. The prefilters must be proper and stable.
     executor : concurrent.futures.Executor, optional
-        Who computes: by default one thread for each processor that this process may use. It is left open.
+        By default one thread for each processor that this process may use. A given executor is not closed.
 
     Returns
     -------
@@ -280,15 +283,15 @@ def portrait(
     Raises
     ------
     TypeError, ValueError
-        For a controller that is no `SeriesPIDA`, an output filter, parameters that are unknown, not finite, out of
-        range or do not fit together, a sample time above a filter's time constant, an unstable prefilter, what
-        `simulate_sampled` refuses, and a load or a set point that no control signal within the limits can hold.
+        For a controller other than `SeriesPIDA`, an output filter, parameters that are unknown, not finite, out of
+        range or do not broadcast, a sample time above a filter's time constant, an unstable prefilter, a load or a set
+        point that no control signal within the limits can hold, and as `simulate_sampled`.
     MemoryError
-        For a grid of more than ten million sets; before anything is computed.
+        For a grid of more than ten million sets.
 
     See Also
     --------
-    pidalab.simulate_sampled : One set, with its signals.
+    pidalab.simulate_sampled : Simulate one set and return its signals.
 
     Examples
     --------
@@ -305,20 +308,20 @@ def portrait(
     With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
     t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
-    r, d, n = map(np.ascontiguousarray, held)  # as kernels read them
+    r, d, n = map(np.ascontiguousarray, held)  # kernels need contiguous arrays
     h = float(t[-1] / (t.size - 1))
     bank = Bank.of(loop, parameters, prefilter, h)
     at_rest = limits_at_rest(loop.limits, limits)
     plant = plant_steps(loop.process, h, Actuator(*at_rest, 0.0, 0))
     rest = _state_of_rest(loop, bank, at_rest, r[-1], d[-1])
     require_executor(executor)
-    # whole groups of lanes, the last one filled up with the last set
+    # There are whole groups of lanes; copies of the last set fill the last group.
     sets = math.prod(bank.shape)
     places = np.minimum(np.arange(-(-sets // LANES) * LANES), sets - 1)
     size = -(-places.size // (TASKS * LANES)) * LANES
     parts = [bank.part(places[start : start + size]) for start in range(0, places.size, size)]
     work = partial(Bank.measures, plant=plant, limits=at_rest, h=h, r=r, d=d, n=n)
-    # compiled code lets go of the interpreter
+    # Threads are enough, since compiled code releases the interpreter lock.
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
     with nullcontext(executor) if executor is not None else ThreadPoolExecutor(available) as workers:
         measures = done(work, parts, workers, "part")
@@ -337,7 +340,7 @@ def _state_of_rest(
     low, high = limits
     if np.any((u < low) | (u > high)):
         raise ValueError(
-            f"limits must hold the final u from {np.min(u):.4g} to {np.max(u):.4g}, found ({low:g}, {high:g})"
+            f"limits must contain the final u from {np.min(u):.4g} to {np.max(u):.4g}, found ({low:g}, {high:g})"
         )
     return y, u
 

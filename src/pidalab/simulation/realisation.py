@@ -1,9 +1,9 @@
-"""State-space form of a loop that is cut at its dead time.
+"""State-space form of a loop that is opened at its dead time.
 
-The blocks are driven one by the other: process, integral of its output, prefilter, controller with output filter. A
-derivative filter far faster than the plant would compute s^2 y as a difference of nearly equal states. Its states are
-replaced by their distance from what the slow signal makes of them in the long run, so that its output is read off the
-slow states directly: as the transfer function of the fast part, evaluated at the matrix of the slow states.
+Each block is driven by the ones before it: process, integral of its output, prefilter, controller with output filter. A
+derivative filter that is much faster than the plant would compute s^2 y as a difference of nearly equal states. Its
+states are therefore replaced by their distance from their quasi-steady values under the slow signal. Its output is then
+read from the slow states, by the transfer function of the fast part evaluated at the matrix of the slow states.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
 
-AGES = 8  # of the states that a fast part reads: each older one has passed its filter once more
+AGES = 8  # ages of states that a fast part reads; older ones are negligible after as many passes through its filter
 
 
 def without_slow_parts(
@@ -29,8 +29,8 @@ def without_slow_parts(
 ) -> tuple[Any, Any]:
     """Return numerator and poles of two fractions in series without their slow parts.
 
-    The division by the slow poles runs from the highest power down, where the fast terms are, so that no small
-    difference of large numbers is formed.
+    The division by the slow poles begins at the highest power, where the fast terms are, so that no small difference of
+    large numbers is formed.
     """
     num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
     poles = np.concatenate([part.poles for part in fast])
@@ -71,7 +71,7 @@ def times_ring_function(
     poles: Any,
     dead_time: bool,
 ) -> Array:
-    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: what a far faster block makes of a signal.
+    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: the output of a much faster block for a signal.
 
     As `times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
     """
@@ -97,7 +97,7 @@ def times_ring_function(
 
 
 def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
-    """Return what direct W reads of x(t - delay), x(t - 2 delay), ..."""
+    """Return the coefficients by which direct W reads x(t - delay), x(t - 2 delay), ..."""
     read = []
     for _ in range(AGES - 1):
         read.append(direct @ Cv)
@@ -106,25 +106,25 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
 
 
 # A part of the controller is decoupled if its slowest pole is FASTER times as fast as all states that drive it and the
-# loop gain there is below HIGH_GAIN; to a much faster loop the plant is a chain of integrators. With FASTER = 100, u
-# after a step of the load was off by up to 5e-8 of its largest value: the kick of a filter 50 times faster than its
-# plant, 1e5 times y, was a difference of nearly equal states.
+# loop gain there is below HIGH_GAIN, since for a much faster loop the plant is a chain of integrators. With FASTER =
+# 100, u after a step of the load had errors of up to 5e-8 of its largest value, because the kick of a filter 50 times
+# faster than its plant, 1e5 times y, was a difference of nearly equal states.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# If a part beyond STIFF times is kept out of the process, slower parts stay with the slow ones.
+# If a part that is faster by STIFF is kept out of the process, less fast parts are treated as slow.
 STIFF = 100.0
-# Beyond this factor u is read from the states that drive a settled fast part, past and present, and no longer from the
-# states of that part, whose rounding grows with the factor. What the fast part sends through the process, which falls
-# with the square of the factor, is left out.
+# Beyond this factor u is read from the past and present states that drive a settled fast part, and no longer from the
+# states of that part, whose rounding grows with the factor. The effect of the fast part on the process is neglected,
+# since it decreases with the square of the factor.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
-# Time constants after which a mode is negligible, even one that began as 1e7 times u.
+# Number of time constants after which a mode is negligible, even if it began as 1e7 times u.
 FADED_AWAY = 60.0
 
 
 class Cut(NamedTuple):
     """The loop opened at the dead time, driven by w(t) = v(t - delay), the delayed process input.
 
-    x' = A x + b w,  v = c_v x + d_v w,  outputs = C x + d w, from x(0) = x0; the step inputs are states too.
+    x' = A x + b w,  v = c_v x + d_v w,  outputs = C x + d w, from x(0) = x0. The step inputs are states, too.
     """
 
     A: Array  # (n, n)
@@ -135,10 +135,9 @@ class Cut(NamedTuple):
     direct: Array  # (3, channels)
     x0: Array  # (n, inputs), the state just after a unit step on each input
     delay: float
-    settled_u: (
-        Array  # (ages, n), what u reads of x(t), x(t - delay), ... once its fast part has settled; or no ages
-    )
-    settling: float  # time for which that part moves after a multiple of the delay
+    # (ages, n), rows by which u reads x(t), x(t - delay), ... after its fast part has settled; may have no ages
+    settled_u: Array
+    settling: float  # time after a multiple of the delay until that part has settled
 
 
 class _Blocks(NamedTuple):
@@ -149,25 +148,25 @@ class _Blocks(NamedTuple):
     delay: float
 
 
-# Channels of the dead time. The first is the process input without what fast parts of the controller add to it. If
-# there are such parts, the second is the error that drives them, and the third is what they send through the process.
+# Channels of the dead time. The first is the process input without the fast parts of the controller. If there are such
+# parts, the second is the error that drives them, and the third is their contribution to the process output.
 INPUT, ERROR, RUSH = range(3)
 
 
 class _States:
-    """States x of the cut loop, block by block: x' = A x + B W, with the signals W that come out of the dead time.
+    """States x of the cut loop, block by block: x' = A x + B W, with the signals W at the end of the dead time.
 
-    A signal of the loop is a row: its coefficients of x and W.
+    A signal of the loop is a row, its coefficients of x and W.
     """
 
     def __init__(self, size: int, inputs: int, channels: int) -> None:
         self.size, self.moves = size, np.zeros((size, size + channels))
         self.A, self.B = self.moves[:, :size], self.moves[:, size:]
-        self.x0 = np.eye(size, inputs)  # of the constants behind the step inputs
+        self.x0 = np.eye(size, inputs)  # a step input is a constant state of 1
         self.used = inputs
 
     def signal(self, place: int) -> Array:
-        """Return the signal that is one of x and W, or the signal 0 for -1."""
+        """Return the signal at a place of x and W, or 0 for the place -1."""
         row = np.zeros(self.moves.shape[1])
         if place >= 0:
             row[place] = 1.0
@@ -188,16 +187,16 @@ class _States:
     def append_decoupled(self, part: Part, source: Array, driving: int) -> tuple[slice, Array]:
         """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row.
 
-        The states x are the first `driving` ones, which drive the part. Returns the places of the distances, and X. The
+        The states x are the first `driving` ones, which drive the part. Return the places of the distances, and X. The
         output of the part is c (X x + distance).
 
         Notes
         -----
-        With q' = A q + b row x for the part, the distance q - X x moves by A alone if A X - X A_x = -b row, the
-        Sylvester equation that is solved here. Only jumps and the signal out of the dead time then drive it.
+        The part is q' = A q + b row x. If A X - X A_x = -b row, the distance q - X x moves by A alone, so that only
+        jumps and the delayed signals drive it. This Sylvester equation is solved here.
         """
         x, places = slice(driving), slice(self.used, self.used + part.b.size)
-        # one large linear system, since a Schur form would lose digits for speeds so far apart
+        # A Schur form would lose digits for such different speeds, so this solves one large linear system.
         n = part.b.size
         sylvester = np.zeros((driving, n, driving, n))
         for i in range(driving):
@@ -215,14 +214,14 @@ class _States:
 
 @lru_cache(maxsize=64)
 def cut_at_delay(loop: Loop, inputs: str, unit: float = 1.0) -> Cut:
-    """Open the loop at its dead time; `inputs` names the step inputs to keep, out of "r", "d", "n".
+    """Open the loop at its dead time. `inputs` names the step inputs to keep, out of "r", "d", "n".
 
     The unit of time of the cut is `unit` times that of the loop, and its u is `unit` times as large.
 
     Raises
     ------
     ValueError
-        For a loop that is ill-posed, and one whose coefficients leave the range of numbers.
+        For a loop that is ill-posed, and one whose coefficients overflow.
     """
     require_well_posed(loop)
     return _cut(_in_unit(loop, unit), inputs, unit)
@@ -247,22 +246,23 @@ def _in_unit(loop: Loop, unit: float) -> _Blocks:
 
 
 def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
-    """Realise a loop that is cut at its dead time.
+    """Realise a loop that is opened at its dead time.
 
     Notes
     -----
     States are appended in the order in which they drive each other: step inputs, process, integral of y, prefilter,
-    slow parts of the controller, fast parts. Each signal is a row over states and delayed signals, so that what is
-    appended next can read it.
+    slow parts of the controller, fast parts. Each signal is a row over states and delayed signals, which a block that
+    is appended later can read.
 
-    Three cases differ in the fast parts of the controller, those whose poles are much faster than all that drives them:
+    The fast parts of the controller have poles that are much faster than all states that drive them. There are three
+    cases:
 
-    * none: u is the direct part of the error and the sum of the slow parts;
-    * decoupled: the states of a fast part are their distances from X x, and u reads the rest at once, as the part's
-      transfer function at the matrix of the slow states, H(A_x);
-    * kept out of the process: the kicks of a very stiff part, up to 1e8 times what comes through the process, would
-      cancel there. The dead time then has three channels, and the third carries what the part sends through the
-      process in the long run.
+    * no fast parts: u is the direct part of the error and the sum of the slow parts;
+    * decoupled: the states of a fast part are their distances from X x, and u reads the slow states by H(A_x), the
+      part's transfer function at their matrix;
+    * kept out of the process: the kicks of a very stiff part, up to 1e8 times their effect on the process output, would
+      cancel there. The dead time then has three channels, and the third carries the quasi-steady effect of the part on
+      the process output.
 
     Without dead time the loop is closed at the end: W = Cv x + D W.
     """
@@ -290,14 +290,14 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # the effect of the fast part on the process in the long run: its transfer function at the process's matrix
+        # The quasi-steady effect of the fast part on the process is its transfer function at the process's matrix.
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, states.signal(r), prefilter.d)
     error, driving = filtered - y - states.signal(n), states.used
     u = direct * error
-    if fast:  # its direct effect is read from the slow states, below
+    if fast:  # the direct effect is read from the slow states, below
         u[:size] = 0.0
     for part in parts[:slow]:
         u += states.append_series(part, error)
@@ -312,7 +312,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
             if apart:
                 rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
-    # a fast part that is kept apart adds to the process input by its own channel
+    # A fast part that is kept apart acts on the process through its own channel.
     v = (u if apart else rows[2]) + states.signal(d)
     Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
     if apart:
@@ -335,15 +335,15 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         A, C = A + B @ W, C + direct_C @ W
         B, Cv, D, direct_C = (np.zeros_like(x) for x in (B, Cv, D, direct_C))
     if not (np.isfinite(A).all() and np.isfinite(B).all() and np.isfinite(C).all()):
-        raise ValueError("the coefficients of the loop lie too far apart: they leave the range of numbers")
+        raise ValueError("the coefficients of the loop differ too much in size: their products overflow")
     return _balanced(Cut(A, B, Cv, D, C, direct_C, states.x0, loop.delay, settled, settling))
 
 
 def _balanced(cut: Cut) -> Cut:
     """Change the units of the states so that rows and columns of |A| + |B| |Cv| are of similar size.
 
-    The units are powers of 2, so that nothing is rounded. With similar sizes a share of the largest coefficient is
-    negligible for every state.
+    The units are powers of 2, so that nothing is rounded. With similar sizes a small share of the largest coefficient
+    is negligible for every state.
     """
     scale = dgebal(np.abs(cut.A) + np.abs(cut.B) @ np.abs(cut.Cv), scale=1)[3]
     return cut._replace(
@@ -360,8 +360,8 @@ def _balanced(cut: Cut) -> Cut:
 def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
     """Return True if the kicks of fast parts have almost no effect on the output of the process.
 
-    The height of a kick is the direct part, or, behind a filter, the gain of the controller for a signal as fast as the
-    parts. `driving` is the speed of the fastest state that drives them.
+    The height of a kick is the direct part or, behind a filter, the gain of the controller at the speed of the parts.
+    `driving` is the speed of the fastest state that drives them.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
@@ -380,7 +380,7 @@ def _poles(loop: _Blocks, block: str) -> Array:
 
 
 def _value(polynomial: Array, s: complex) -> Any:
-    """Return the value of a polynomial; for one number Python is faster than array operations."""
+    """Return the value of a polynomial. For a single s Python is faster than array operations."""
     value = 0j
     for coefficient in polynomial.tolist():
         value = value * s + coefficient

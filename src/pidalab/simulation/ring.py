@@ -1,18 +1,19 @@
-r"""Exponentials of the block Toeplitz matrix of a loop with dead time: see `pidalab.simulation.exact`.
+r"""Exponentials of the block Toeplitz matrix of a loop with dead time (see `pidalab.simulation.exact`).
 
-An element of the ring is an array (order, reach times order): the transposed coefficients :math:`\Phi_k^T` of the
-powers of z side by side. States are rows, and elements act on them from the right. All elements are power series of
-one matrix, so they commute. The reach of an element is the number of its coefficients, that is, of the ages of states
-that it reads.
+An element of the ring is an array (order, reach times order) that holds the transposed coefficients :math:`\Phi_k^T` of
+the powers of z side by side. States are rows, and elements act on them from the right. All elements are power series of
+one matrix, so they commute. The reach of an element is the number of its coefficients, which is the number of ages of
+states that it reads.
 
 Notes
 -----
-Elements stand for exponentials less 1, so that a slow state keeps its digits next to a fast one:
-:math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients below `DROPPED` of the largest are left out at the end of an
-element, and nowhere else. Scaling and squaring is that of Higham, *Functions of Matrices*, 2008, ch. 10, with a Taylor
-series for a norm of at most 1/2.
+Elements represent exponentials less 1, so that a slow state keeps its digits next to a fast one:
+:math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients below `DROPPED` of the largest are dropped only at the end of an
+element. Scaling and squaring follows Higham, *Functions of Matrices*, 2008, ch. 10, with a Taylor series for a norm of
+at most 1/2.
 
-Sums run term by term in one order on every processor: without library calls and without several accumulators.
+To be the same on every processor, sums are added term by term in a fixed order, without library calls and without
+several accumulators.
 """
 
 from __future__ import annotations
@@ -21,30 +22,31 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# Size, relative to its largest coefficient, below which the last coefficients of an element are left out. At 1e-20 a
-# kick of 1e22, which coefficients carry beside a plant's, made y off by 4e-9.
+# The last coefficients of an element are dropped if they are below this share of its largest. With 1e-20 a kick of
+# 1e22, whose coefficients share an element with those of the plant, made an error of 4e-9 in y.
 DROPPED = 1e-26
-TAYLOR_TERMS = 14  # of the Taylor series, for a norm of at most 1/2: the next one is 1e-17 of the first
+TAYLOR_TERMS = 14  # for a norm of at most 1/2 the next term is 1e-17 of the first
 
 
 def _add_row_by_row(out, factors, rows, first, column):
-    """As `add_rows`."""
+    """Plain form of `add_rows`."""
     for i in range(factors.size):
         out += factors[i] * rows[first + i, column : column + out.size]
 
 
 @plain(_add_row_by_row)
 def add_rows(out, factors, rows, first, column):
-    """Add factors @ rows[first:, column:] to a row, as far as it goes.
+    """Add factors @ rows[first:, column:] to a row, over its length.
 
-    Four rows are added in one pass, left to right: the same sums as row by row, with a quarter of the traffic.
+    Four rows are added in one pass, left to right. The sums equal those row by row, with a quarter of the memory
+    traffic.
     """
     size, fours = out.size, factors.size - factors.size % 4
     for i in range(0, fours, 4):
         p, q, r, s = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
-        at = first + i
-        # Views begin at index 0; an offset in the index would be tested for its sign at each number.
-        a, b, c, d = rows[at, column:], rows[at + 1, column:], rows[at + 2, column:], rows[at + 3, column:]
+        k = first + i
+        # Views begin at index 0, since the sign of an offset in the index would be tested at each number.
+        a, b, c, d = rows[k, column:], rows[k + 1, column:], rows[k + 2, column:], rows[k + 3, column:]
         for j in range(size):
             out[j] = out[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
     for i in range(fours, factors.size):
@@ -54,7 +56,7 @@ def add_rows(out, factors, rows, first, column):
 
 
 def _add_product_row_by_row(out, place, factors, column, count, rows, first):
-    """As `add_product`."""
+    """Plain form of `add_product`."""
     (at, size), order = place, factors.shape[0]
     for i in range(count):
         out[:order, at : at + size] += (
@@ -64,10 +66,10 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 
 @plain(_add_product_row_by_row)
 def add_product(out, place, factors, column, count, rows, first):
-    """Add factors @ rows to some columns of an array: the sums of `add_rows`, for two rows of factors at a time.
+    """Add factors @ rows to some columns of an array, by the sums of `add_rows` for two rows of factors at a time.
 
-    `place` is the first column of the array and their number, `column` and `count` choose columns of the factors, and
-    `first` is the first row.
+    `place` holds the first column of the array and the number of columns, `column` and `count` select columns of the
+    factors, and `first` is the first row.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -90,28 +92,28 @@ def add_product(out, place, factors, column, count, rows, first):
         add_rows(out[pairs, at : at + size], factors[pairs, column : column + count], rows, first, 0)
 
 
-def _tops_of_array(block):
-    """As `tops`."""
+def _column_sizes_of_array(block):
+    """Plain form of `column_sizes`."""
     return np.fmax.reduce(np.abs(block), axis=0, initial=0.0)
 
 
-@plain(_tops_of_array)
-def tops(block):
-    """Return the largest modulus in each column, row by row, which compiles to vector instructions."""
-    largest_yet = np.zeros(block.shape[1])
+@plain(_column_sizes_of_array)
+def column_sizes(block):
+    """Return the largest modulus in each column. Row by row it compiles to vector instructions."""
+    result = np.zeros(block.shape[1])
     for i in range(block.shape[0]):
         row = block[i]
-        for j in range(largest_yet.size):
+        for j in range(result.size):
             size = abs(row[j])
-            largest_yet[j] = size if size > largest_yet[j] else largest_yet[j]
-    return largest_yet
+            result[j] = size if size > result[j] else result[j]
+    return result
 
 
 @compiled
 def sizes(element):
     """Return the largest modulus in each coefficient of a ring element."""
     order = element.shape[0]
-    columns, result = tops(element), np.zeros(element.shape[1] // order)
+    columns, result = column_sizes(element), np.zeros(element.shape[1] // order)
     for j in range(columns.size):
         result[j // order] = max(result[j // order], columns[j])
     return result
@@ -128,14 +130,14 @@ def largest(values):
 
 @compiled
 def add(out, element):
-    """Add a ring element that is no longer than the other one, or the beginning of one that is."""
+    """Add a ring element to another, up to the length of that one."""
     wide = min(out.shape[1], element.shape[1])
     out[:, :wide] += element[:, :wide]
 
 
 @compiled
 def shortened(element, share):
-    """Drop the last coefficients of a ring element once they no longer matter."""
+    """Drop the last coefficients of a ring element that are below a share of its largest."""
     order, width = element.shape
     size = sizes(element)
     least = share * largest(size)
@@ -150,16 +152,16 @@ def shortened(element, share):
 
 @compiled
 def taylor(tau, most, A, B, Cv, D):
-    """Return the exponential less 1 by its power series, over a time no longer than the lowest power.
+    """Return the exponential less 1 by its power series, over a time up to that of the lowest power.
 
     Notes
     -----
     `term` is (tau A(z))^n / n! and `total` the sum of all terms so far, less 1. The next term is the product with
-    A(z) = A + B z (1 - D z)^-1 Cv: `v` is what the dead time hands on from the age before, and D sends a part of it
-    round once more. So a term reaches one age further than the one before, or as far as allowed if D is not 0.
+    A(z) = A + B z (1 - D z)^-1 Cv. `v` is the delayed signal of the age before, and D feeds a part of it back into the
+    dead time. So each term reaches one age further than the one before, or as far as allowed if D is not 0.
     """
     order, channels = B.shape
-    term = np.eye(order)  # transposed here: columns are states, since A has many zeros
+    term = np.eye(order)  # transposed in this function, so that zeros of A can be skipped
     total = np.zeros((order, order))
     for n in range(1, TAYLOR_TERMS + 1):
         share = tau / n
@@ -167,9 +169,9 @@ def taylor(tau, most, A, B, Cv, D):
         after = np.zeros((order, order * reach))
         for i in range(order):
             for j in range(order):
-                if A[i, j] != 0.0:  # few are not
+                if A[i, j] != 0.0:
                     add_rows(after[i, : term.shape[1]], share * A[i, j : j + 1], term, j, 0)
-        # the delayed signals of the next older states
+        # `v` holds the delayed signals that the next older states cause.
         v, older = np.zeros((channels, order)), np.zeros((channels, order))
         for at in range(0, after.shape[1], order):
             for i in range(order):
@@ -199,10 +201,10 @@ def taylor(tau, most, A, B, Cv, D):
 
 @compiled
 def _width(first, second, most):
-    """Bound the columns of a product before it is formed: what lies beyond them would be dropped.
+    """Bound the columns of a product before it is formed. Columns beyond them would be dropped.
 
-    No number is larger than the order times the largest numbers of both factors, and the first coefficient, which is
-    formed here, is not above the largest one.
+    No number of a coefficient is larger than the order times the largest numbers of both factors, and the first
+    coefficient, which is computed here, is not above the largest one.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
@@ -241,12 +243,14 @@ def product(first, second, most):
 
 @compiled
 def ladder(A, B, Cv, D, norm, step, top, most):
-    """Return the powers, exponentials less 1 over step 2^p up to p = top, and the lowest p; none if they overflow.
+    """Return the powers, exponentials less 1 over step 2^p up to p = top, and the lowest p.
+
+    There are no powers if they overflow.
 
     Notes
     -----
-    The lowest p is the first at which norm step 2^p is at most 1/2, where the series holds. Each further power is the
-    square of the one before, so that `powers[i]` always spans step 2^(low + i).
+    The lowest p is the largest at which norm step 2^p is at most 1/2, so that the series converges fast. Each further
+    power is the square of the one before, so that `powers[i]` always spans step 2^(low + i).
     """
     powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
@@ -266,19 +270,20 @@ def transition(powers, step, low, tau, most, A, B, Cv, D):
 
     Notes
     -----
-    `times[p]` and `tau` always add up to the given time. The powers take away what they can, the longest first, until
-    less than the lowest one is left, which the series spans. What rounding leaves counts as nothing.
+    Each power p is used `times[p]` times, and `tau` is the time that remains. Their sum is always the given time. The
+    longest power is subtracted first. The series spans the remainder, which is shorter than the lowest power. A
+    remainder of the size of rounding counts as 0.
     """
-    dust = 8.0 * 2.0**-52 * tau  # what rounding leaves of a multiple of the step
+    dust = 8.0 * 2.0**-52 * tau  # rounding of a multiple of the step
     times = np.zeros(len(powers), dtype=np.int64)
     for p in range(len(powers) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
-        if duration <= dust:  # shorter powers would only subtract what rounding left, without end
+        if duration <= dust:  # shorter powers would only subtract rounding errors
             break
         while tau > duration - dust:
             times[p] += 1
             tau -= duration
-    # from the shortest, which is the least work
+    # Products that begin with the shortest power need the least work.
     begun = tau > dust
     out = taylor(tau, most, A, B, Cv, D) if begun else np.zeros(A.shape)
     for p in range(len(powers)):

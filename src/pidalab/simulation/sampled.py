@@ -1,18 +1,18 @@
 r"""Simulation of loops with a digital controller that samples, holds and is limited.
 
-At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)` and sets :math:`u_k`, limited, which is
-held for the sample time h. Seen from the plant its input is a staircase, also after a dead time, whose stairs then
-begin inside a sample interval if the dead time :math:`L = mh + \lambda` is no multiple of h:
+At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)` and sets the limited signal
+:math:`u_k`, which is held for the sample time h. So the input of the plant is a staircase. After a dead time
+:math:`L = mh + \lambda` that is not a multiple of h, its steps lie inside the sample intervals:
 
 .. math:: w(t_k + s) = v_{k-m-1} \;\;(0 \le s < \lambda), \qquad v_{k-m} \;\;(\lambda \le s < h), \qquad v = u + d.
 
-So each sample interval has one or two pieces in which the input is constant, and one matrix exponential for each takes
-the plant across without any error. The controller is discretised for a held input as well. What is left of
-discretisation is what a digital controller does to a loop: it delays by half a sample in reading and half a sample in
-holding, and the response approaches that of the continuous loop with the first power of h.
+Each sample interval has one or two pieces with a constant input, and one matrix exponential for each advances the plant
+without any error. The controller is discretised for a held input as well. The only effect of discretisation is that of
+a real digital controller: it delays by half a sample in reading and half a sample in holding, and the response
+approaches that of the continuous loop with the first power of h.
 
-An actuator that is switched within the sample (pulse width modulation) is no exception: the pulses have a finite number
-of widths, and what each of them adds to the state of the plant is worked out before.
+An actuator that is switched within the sample (pulse width modulation) is simulated exactly, too. Its pulses have a
+finite number of widths, and the contribution of each to the state of the plant is computed beforehand.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ def simulate_sampled(
     quanta: tuple[float, float] = (0.0, 0.0),
     pulse_widths: int = 0,
 ) -> Response:
-    r"""Simulate a loop whose controller is digital and limited; exact for the plant, whatever its dead time.
+    r"""Simulate a loop whose controller is digital and limited, exactly for any dead time of the plant.
 
-    The loop, its controller included, rests at its working point before t = 0. A `DigitalController` runs as it is: its
-    sample time must be the step of `t`. (Called by its own ``step``, a new one starts without a bump instead; call
-    ``reset(r=y_offset, y=y_offset)`` for this start.) Otherwise controller and output filter are discretised for held
-    inputs with the step of `t` as sample time. A prefilter is discretised so in any case. All signals, and the limits,
-    count from the state of rest: an actuator from 0 to 80 that rests at 30 has the limits (-30, 50).
+    The loop, its controller included, rests at its working point before t = 0. The sample time of a
+    `DigitalController` must be the step of `t`. (Its own ``step`` would start without a bump instead. To start it from
+    rest, call ``reset(r=y_offset, y=y_offset)``.) Any other controller and the output filter are discretised for held
+    inputs with the step of `t` as sample time. So is a prefilter in any case. All signals and the limits are relative
+    to the state of rest: an actuator from 0 to 80 that rests at 30 has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`, fed
     back positively from the limited signal (huba2024, Fig. 1, eqs. (3), (8)). Its filter :math:`Q_n` acts on the
@@ -78,29 +78,30 @@ def simulate_sampled(
     setpoint, load, noise : float or array_like, shape (n,), optional
         A number is a step at t = 0; an array is held from each sample to the next.
     limits : tuple of float, optional
-        Smallest and largest control signal, with 0 between them or on one of them. Those of a `SeriesPIDA` hold too.
+        Smallest and largest control signal, with 0 between them or equal to one of them. Those of a `SeriesPIDA` hold,
+        too.
     plant : Process or AsymmetricPlant, optional
-        What the controller meets in place of the loop's process.
+        Plant to simulate in place of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
-        What the integral of a continuous controller does at a limit; "none" means None. By default it integrates on.
-        *Clamping*: it rests while it would drive the control signal further beyond the limit. *Conditioning*: it
-        integrates :math:`\varepsilon + (u - w)/k_p`, the error that would have made the limited signal u out of w; k_p
-        is the value of :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
-        ``controller.discretise``; a digital controller has its own.)
+        Action of the integral of a continuous controller at a limit. By default it continues to integrate; "none" means
+        None. *Clamping*: it stops while it would drive the control signal further beyond the limit. *Conditioning*: it
+        integrates :math:`\varepsilon + (u - w)/k_p`, the error for which w would equal the limited signal u; k_p is
+        the value of :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
+        ``controller.discretise``. A digital controller uses its own anti-windup.)
     quanta : tuple of float, optional
-        Resolution of the measurement and of the control signal, counted from the state of rest; 0 for none. Values go
-        to the nearest multiple, halves to the even one, and the limits stay. A reset or an integral sees the limited
-        signal before it is rounded: it would stick otherwise.
+        Resolution of the measurement and of the control signal, relative to the state of rest; 0 for none. Values are
+        rounded to the nearest multiple, halves to the even one. The limits are not rounded. A reset or an integral
+        sees the limited signal before rounding, since it would stick otherwise.
     pulse_widths : int, optional
-        Pulse width modulation: in each sample the actuator is at the upper limit first and then at the lower one, and
-        the width of the pulse is the nearest of 0, 1, …, `pulse_widths` parts of the sample. 0, the default, is an
-        actuator that holds. Before t = 0 the plant rests as if its input were constant.
+        Number of widths of pulse width modulation. In each sample the actuator is first at the upper limit and then at
+        the lower one, and the width of the pulse is the nearest of 0, 1, …, `pulse_widths` parts of the sample. With 0,
+        the default, the actuator holds its value. Before t = 0 the plant rests as if its input were constant.
 
     Returns
     -------
     Response
-        Signals at the times t, at a jump the value just after it; `u` is the limited, rounded control signal, held from
-        each sample to the next, with pulses its mean over the sample.
+        Signals at the times t, at a jump the value just after it. `u` is the limited, rounded control signal, held from
+        each sample to the next, or with pulses its mean over the sample.
 
     Raises
     ------
@@ -108,16 +109,16 @@ def simulate_sampled(
         For times that are not uniform from 0, signals of another length or with NaN, limits out of order or without the
         0 of the state of rest, a plant that answers within the sample (direct feedthrough without dead time), an
         unstable loop that overflows; a continuous controller or output filter with a filter that is faster than the
-        sample time, for which ``controller.discretise(sample_time)`` serves; a digital controller with another sample
-        time; anti-windup for a controller without integral action, for one that has a reset, or, as conditioning, with
-        kp/ki below the sample time, where it is unstable; negative quanta; pulses without finite limits, with a quantum
-        of the control signal, or into a plant that is not linear or answers at once.
+        sample time (use ``controller.discretise(sample_time)``); a digital controller with another sample time;
+        anti-windup for a controller without integral action or with a reset, or conditioning with kp/ki below the
+        sample time, where it is unstable; negative quanta; pulses without finite limits, with a quantum of the control
+        signal, or into a plant that is not linear or has direct feedthrough.
 
     Notes
     -----
-    A filter faster than the sample time is of no use to a controller that is discretised for held inputs: a derivative
-    behind it sees steps only, and has forgotten each at the next sample. Take a sample time well below the time
-    constant of the filter, or backward differences, ``controller.discretise(sample_time)``, as most PLCs do.
+    A controller that is discretised for held inputs cannot use a filter that is faster than the sample time. Its
+    derivative sees only steps, and the response to each has decayed at the next sample. Use a sample time well below
+    the time constant of the filter, or backward differences, ``controller.discretise(sample_time)``, as most PLCs do.
 
     Examples
     --------
@@ -130,16 +131,16 @@ def simulate_sampled(
     Windup of a PI controller, and two ways to prevent it:
 
     >>> loop, t = pidalab.Loop(pidalab.ipdt(1.0, delay=0.5), pidalab.PIDA(kp=0.6, ti=4.0)), 0.01 * np.arange(3001)
-    >>> for way in (None, "clamping", "conditioning"):
-    ...     r = pidalab.simulate_sampled(loop, t, setpoint=1.0, limits=(-0.1, 0.1), anti_windup=way)
-    ...     print(f"{way}: overshoot {r.overshoot():.1f} %")
+    >>> for anti_windup in (None, "clamping", "conditioning"):
+    ...     r = pidalab.simulate_sampled(loop, t, setpoint=1.0, limits=(-0.1, 0.1), anti_windup=anti_windup)
+    ...     print(f"{anti_windup}: overshoot {r.overshoot():.1f} %")
     None: overshoot 74.4 %
     clamping: overshoot 3.2 %
     conditioning: overshoot 12.4 %
     """
     require_loop(loop)
     t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
-    r, d, n = map(np.ascontiguousarray, held)  # as kernels read them
+    r, d, n = map(np.ascontiguousarray, held)  # kernels need contiguous arrays
     h = float(t[-1] / (t.size - 1))
     at_rest = limits_at_rest(loop.limits, limits)
     fineness, actuator = _conversion(*at_rest, quanta, pulse_widths)
@@ -154,18 +155,16 @@ def simulate_sampled(
         code, _, numbers = operations(program(k), k.at_rest())
     rest = k.y_offset, k.bias
     y, u, area = run(code, numbers[:, None], block, rest, steps, actuator, fineness, reference, d, n)
-    lost = ~np.isfinite([y, u, area]).all(axis=0)
-    if lost.any():
-        raise ValueError(
-            f"the response of the unstable loop leaves the range of numbers before t = {t[lost][0]:.4g}"
-        )
+    overflowed = ~np.isfinite([y, u, area]).all(axis=0)
+    if overflowed.any():
+        raise ValueError(f"the response of the unstable loop overflows before t = {t[overflowed][0]:.4g}")
     return Response(t=t, r=r, d=d, n=n, y=y, u=u, area=area)
 
 
 def _limited(
     k: DigitalController, h: float, limits: tuple[float, float], anti_windup: str | None
 ) -> DigitalController:
-    """Check that a digital controller fits the step of time, and give it the limits, which count from rest."""
+    """Check the sample time of a digital controller, and add the limits, which are relative to the state of rest."""
     if abs(h - k.sample_time) > 1e-6 * k.sample_time:
         raise ValueError(
             f"t must have the step of the digital controller, {k.sample_time:.6g}, found {h:.6g}"
@@ -176,19 +175,19 @@ def _limited(
 
 
 def limits_at_rest(own: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:
-    """Check limits, which may be infinite, against the state of rest; the controller's own hold too."""
+    """Return the limits together with those of the controller, and check that they contain the state of rest."""
     low, high = _check.limits(limits)
     low, high = max(low, own[0]), min(high, own[1])
     if not low <= 0 <= high or low == high:
         raise ValueError(
-            f"limits must be lower < upper and hold 0, the control signal at rest, found {limits!r}"
+            f"limits must be lower < upper and contain 0, the control signal at rest, found {limits!r}"
             + (f" and {own!r} of the controller" if np.isfinite(own).any() else "")
         )
     return low, high
 
 
 def _conversion(low: float, high: float, quanta: tuple[float, float], widths: int) -> tuple[float, Actuator]:
-    """Check what is between controller and plant: the resolution of the measurement, and the actuator."""
+    """Check the resolution of the measurement and the data of the actuator."""
     numbers = _check.pair("quanta", "of measurement and control signal", quanta)
     measurement, control = (_check.real(f"quanta[{i}]", each, at_least=0.0) for i, each in enumerate(numbers))
     widths = _check.integer("pulse_widths", widths, at_least=0)
@@ -204,7 +203,7 @@ def sampled_controller(
 ) -> tuple[StateSpace, DigitalController]:
     """Discretise the controller of a loop, its output filter included, for held inputs and the sample time h.
 
-    Returns the fraction, and what is behind it: the integral and the limits.
+    Return the discretised fraction, and the digital controller behind it with the integral and the limits.
     """
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
@@ -229,7 +228,7 @@ def sampled_controller(
 def _behind(
     h: float, limits: tuple[float, float], integral: float = 0.0, gain: float = 0.0, **more: Any
 ) -> DigitalController:
-    """Return the digital controller that adds an integral, where it grows, to a given signal, and limits the sum."""
+    """Return the digital controller that adds its integral to a given signal and limits the sum."""
     others: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
     return DigitalController(
         sample_time=h,
@@ -245,7 +244,7 @@ def _behind(
 
 
 def _tracking(ki: float, kp: float, h: float) -> float:
-    """Return how much of u - w the integral of a conditioned controller takes up in a sample."""
+    """Return the share of u - w that the integral of a conditioned controller adds in a sample."""
     if kp == 0 or not 0 < ki * h / kp < 1:
         raise ValueError(
             f"anti_windup='conditioning' needs kp/ki above the sample time, {h:.4g}, found kp = {kp:.4g}, ki = {ki:.4g}"
@@ -254,20 +253,20 @@ def _tracking(ki: float, kp: float, h: float) -> float:
 
 
 def require_fine_enough(h: float, filter_time: float) -> None:
-    """Raise for a sample time above the filter's time constant: derivatives would see single steps only."""
+    """Raise for a sample time above the filter's time constant, since derivatives would see only steps."""
     if h > filter_time * (1 + 1e-6):
         raise ValueError(
             f"the sample time must be at most the filter's time constant, {filter_time:.6g}, found {h:.6g}; sample "
-            "faster, filter longer, or close the loop with controller.discretise(sample_time, 'backward')"
+            "faster, use a slower filter, or close the loop with controller.discretise(sample_time, 'backward')"
         )
 
 
 def shortest_filter(loop: Loop) -> float:
-    """Shortest time constant of the filters in the controller and behind it, infinite without any."""
+    """Return the shortest time constant of the filters in and after the controller, infinite without filters."""
     has_parts = isinstance(loop.controller, Controller)
     times = [part.filter_time for part in loop.controller.parts() if part.filter_order] if has_parts else []
     for block in ("output_filter",) if has_parts else ("output_filter", "controller"):
-        # the poles of a transfer function are its filters, but for those at 0, the integrators
+        # The poles of a transfer function are its filters, except those at 0, which are integrators.
         poles = roots(loop.blocks[block][1])
         times += (1 / np.abs(poles[poles != 0])).tolist()
     return float(min(times, default=math.inf))
@@ -276,26 +275,26 @@ def shortest_filter(loop: Loop) -> float:
 def _with_reset(
     loop: Loop, reset: AutomaticReset, h: float, limits: tuple[float, float]
 ) -> tuple[StateSpace, DigitalController]:
-    """Discretise the stabilising controller with its filters; the reset is the integral."""
+    """Discretise the stabilising controller with its filters. The reset is the integral."""
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
     fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
-    # share of the control signal that the lag of the reset takes up in a sample
+    # In each sample the lag of the reset moves by this share towards the control signal.
     share = -math.expm1(-h / reset.time)
     return fraction, _behind(h, limits, integral=share, from_signal=True)
 
 
-TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # samples of a response to noise, at first and at most
-# Share of the squares that the second half of such a response may hold. What comes later is left out: of a tail that
-# falls by e in N samples at most FADED N / TAIL_SAMPLES of the squares, so the gain is low by at most half of that,
-# 1e-10 of itself for a tail of a million samples, 1e-7 for one of a thousand millions.
+TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # first and largest number of samples of a response to noise
+# Largest share of the sum of squares in the second half of such a response. Later samples are neglected. If the tail
+# decays by e in N samples, they hold at most FADED N / TAIL_SAMPLES of the squares, so the relative error of the gain
+# is at most half of that, 1e-10 for a tail of a million samples and 1e-7 for one of a thousand million.
 FADED = 1e-12
-# dead times that such a response covers at least: what comes back of the noise comes after the first
+# Such a response covers at least this number of dead times, since the noise comes back only after the first.
 ECHOES = 4
 
 
 def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None = None) -> Array:
-    """Uniformly distributed noise in [-amplitude, amplitude], held for a fixed time.
+    """Return uniformly distributed noise in [-amplitude, amplitude], held for a fixed time.
 
     Parameters
     ----------
@@ -306,7 +305,7 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     seed : int
         Seed of the generator; the same seed gives the same record.
     hold : float, optional
-        Time for which a value is held, a multiple of the step of t; by default one step.
+        Time for which a value is held, a multiple of the step of t. By default one step.
 
     Returns
     -------
@@ -338,17 +337,17 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
 
 
 def noise_gain(loop: Loop, sample_time: float) -> float:
-    r"""Standard deviation of the control signal per unit of that of white measurement noise, in the sampled loop.
+    r"""Return the ratio of the standard deviations of control signal and white measurement noise, in the sampled loop.
 
-    The noise n is held for a sample, the controller is digital as in `simulate_sampled`, and set point and load rest.
-    Limits, a limit of rate and a deadband are left out: the ratio is that of the linear loop.
-    By Parseval the ratio is the root of the sum of squares of the control signal after a single sample of noise of
-    height 1, that is, the H2 norm from n to u; no random number takes part.
+    The noise n is held for a sample, the controller is digital as in `simulate_sampled`, and set point and load are 0.
+    Limits, a rate limit and a deadband are ignored, so the ratio is that of the linear loop. By Parseval it is the root
+    of the sum of squares of the control signal after a single sample of noise of height 1, the H2 norm from n to u. No
+    random numbers are used.
 
     Parameters
     ----------
     loop : Loop
-        The loop, stable, and stable also with this sample time.
+        The loop, which must be stable, also with this sample time.
     sample_time : float
         Sample time of controller and noise, above 0.
 
@@ -360,8 +359,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As `simulate_sampled`; for an unstable loop; and if a million samples do not hold four dead times, or the
-        response to the noise does not fade within them.
+        As `simulate_sampled`; for an unstable loop; and if four dead times, or the response to a pulse of noise, are
+        longer than a million samples.
 
     Examples
     --------
@@ -382,7 +381,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
         if late <= FADED * total:
             return largest * math.sqrt(total)
     raise ValueError(
-        f"loop must be stable with sample_time = {h:g}, and forget a pulse of noise within {samples // 2} samples; "
+        f"loop must be stable with sample_time = {h:g}, and a pulse of noise must decay within {samples // 2} samples; "
         f"{100 * late / total:.3g} % of its squares come later"
     )
 
@@ -399,7 +398,7 @@ def _linear(loop: Loop) -> Loop:
 
 
 def _lengths(loop: Loop, h: float) -> list[int]:
-    """Return the numbers of samples to try, or raise for a loop whose noise comes back later, or ever stronger."""
+    """Return the numbers of samples to try. Raise for a loop that is unstable or has too long a dead time."""
     if not is_stable(loop):
         border = "in the closed right half-plane, or arbitrarily near it"
         where = border if loop.digital is None else "on or outside the unit circle"

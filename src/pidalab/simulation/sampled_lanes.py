@@ -1,8 +1,8 @@
-"""Many sampled loops side by side, measured as they run.
+"""Simulation of many sampled loops in parallel, with measures computed on the way.
 
-The loops share plant, limits and inputs and differ in their controllers. Each number of a loop is a row of numbers, one
-for each of `LANES` loops, and every operation is done on whole rows, which is what a processor does fastest. A lane
-does the same operations in the same order whatever its neighbours are, so a result does not depend on them.
+The loops share plant, limits and inputs and differ in their controllers. Each variable of a loop is a row of numbers,
+one for each of `LANES` loops, and every operation acts on whole rows, which compiles to vector instructions. A lane
+does the same operations in the same order for any neighbours, so its result does not depend on them.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from pidalab.simulation.sampled_step import Steps, stepper
 
 LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-# Share of the largest error below which a change of its sign inside a sample is not looked for. Then the part of the
-# parabola of the other sign is nowhere larger than its larger end, and is taken off instead of added: IAE is low by at
-# most 2e-13 times the largest error times the time that is spent so, ITAE by as much times that time.
+# If the error is below this share of the largest one, a change of its sign inside a sample is ignored. The part of the
+# parabola with the other sign is then subtracted instead of added. It is nowhere larger than the larger end, so IAE is
+# too small by at most 2e-13 times the largest error times the duration, and ITAE by that times the time.
 NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
@@ -29,7 +29,7 @@ IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range
 
 
 class Controllers(NamedTuple):
-    """Digital controllers with the same step but other numbers, and their prefilters, one of each for a lane."""
+    """Digital controllers with the same step but different numbers, and prefilters, one of each for a lane."""
 
     code: np.ndarray  # of `Operations`
     numbers: Array  # (places, LANES)
@@ -49,21 +49,18 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
     Notes
     -----
     At the beginning of sample k, `x` holds the states of all plants at t_k and `f` those of the prefilters. `past` is a
-    ring of the inputs of the plant, as long as the dead time; `slot` is the place of the present one. The measures of
-    an interval are taken at its end, from the values at both ends and the exact integral between them, which is the
-    last state of the plant. Nothing of a response is stored.
+    ring buffer of plant inputs, as long as the dead time, and `slot` is the place of the present input. The measures of
+    an interval are computed at its end, from the values at both ends and the exact integral between them, which is the
+    last state of the plant. No response is stored.
     """
     states = plant.c.size
-    # a set point that never leaves 0 keeps its prefilter at rest
+    # If the set point is always 0, the prefilter stays at rest.
     degree = bank.prefilter_gamma.shape[0] if reference.any() else 0
-    # a ring of the inputs of the plant, as long as its dead time
     size = plant.lag_samples[0] + 1
     past = np.zeros((size, LANES))
     slot = 0
-    # states of plant and prefilter
     x, x_new = np.zeros((states, LANES)), np.zeros((states, LANES))
     f, f_new = np.zeros((degree, LANES)), np.zeros((degree, LANES))
-    # signals, their values one sample ago, and what the measures need
     numbers = bank.numbers
     setpoint, measurement, control = numbers[op.SETPOINT], numbers[op.MEASUREMENT], numbers[op.CONTROL]
     y, y_old = np.zeros(LANES), np.zeros(LANES)
@@ -72,14 +69,14 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
     largest, mixed = np.zeros(LANES), np.zeros(LANES, np.intp)
     m = np.zeros((len(MEASURES), LANES))
     for k in range(reference.size):
-        # output at the sample; a direct path sees the input that entered the dead time first
+        # A direct path reads the oldest input in the dead time.
         after = slot + 1 if slot + 1 < size else 0
         y[:] = 0.0
         _add_scaled(plant.c, x, y)
         if plant.d != 0:
             for i in range(LANES):
                 y[i] += plant.d * past[after, i]
-        # measures of the interval that ends here; the last state is the running integral of y
+        # Update the measures by the interval that ends here. The last state is the running integral of y.
         area = x[states - 1]
         if k:
             _integrate(
@@ -88,7 +85,7 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
         _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
         area_old[:] = area
 
-        # filtered set point, and the prefilter one sample on
+        # Filter the set point, and advance the prefilter by a sample.
         _scale(bank.prefilter_d, reference[k], setpoint)
         if degree:
             _add_products(bank.prefilter_c, f, setpoint)
@@ -102,7 +99,7 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
         u = past[slot]
         u[:] = control
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
-        # the load joins it; then the plant crosses the interval, piece by piece
+        # Add the load, then advance the plant over the interval, piece by piece.
         u += load[k]
         for piece in range(plant.lag_samples.size):
             place = slot - plant.lag_samples[piece]
@@ -126,7 +123,7 @@ def _scale(row: Array, factor: float, out: Array) -> None:
 
 @inlined
 def _add_scaled(factors: Array, rows: Array, out: Array) -> None:
-    """Add rows, each times a number that all lanes share."""
+    """Add rows, each multiplied by a number that all lanes share."""
     for row in range(factors.size):
         factor, source = factors[row], rows[row]
         if factor != 0:
@@ -136,7 +133,7 @@ def _add_scaled(factors: Array, rows: Array, out: Array) -> None:
 
 @inlined
 def _add_products(factors: Array, rows: Array, out: Array) -> None:
-    """Add rows, each lane times its own number."""
+    """Add rows, each multiplied by its own number."""
     for row in range(factors.shape[0]):
         factor, source = factors[row], rows[row]
         for i in range(LANES):
@@ -145,7 +142,7 @@ def _add_products(factors: Array, rows: Array, out: Array) -> None:
 
 @inlined
 def _follow(variation: Array, least: Array, most: Array, value: Array, old: Array) -> None:
-    """Take a new value into total variation and extremes."""
+    """Update total variation and extremes by a new value."""
     for i in range(LANES):
         variation[i] += abs(value[i] - old[i])
     for i in range(LANES):
@@ -171,13 +168,13 @@ def _integrate(
     h: float,
     start: float,
 ) -> None:
-    """Take a sample interval into the integrals of the error, by the parabolas of `Response`, over h."""
-    # curvature of the parabola through both ends with the exact area, and its mean
+    """Update the integrals of the error, divided by h, by a sample interval, with the parabolas of `Response`."""
+    # The parabola passes through both ends and has the exact area. These are its curvature and its mean.
     for i in range(LANES):
         curve[i] = 3.0 * (r - y_old[i] + r - y[i]) - 6.0 * (r - (area[i] - area_old[i]) / h)
     for i in range(LANES):
         plain[i] = 0.5 * (r - y_old[i] + r - y[i]) - SIXTH * curve[i]
-    # integrals of e, |e| and t |e| as if e had one sign
+    # Integrate e, |e| and t |e| as if e did not change its sign.
     for i in range(LANES):
         m[IE, i] += plain[i]
     for i in range(LANES):
@@ -185,19 +182,20 @@ def _integrate(
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         m[ITAE, i] += abs(start * plain[i] + h * (SIXTH * (first + 2.0 * last) - 0.5 * SIXTH * curve[i]))
-    # integral of e^2, exact
+    # The integral of e^2 is exact.
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         bent = curve[i] * (0.2 * curve[i] - first - last)
         m[ISE, i] += SIXTH * (2.0 * (first * first + first * last + last * last) + bent)
-    # where e may change its sign: the parabola is within |curve|/4 of its chord, so not if both ends are farther from 0
+    # The parabola differs from its chord by at most |curve|/4, so e can change its sign only if an end is that close to
+    # 0.
     for i in range(LANES):
         largest[i] = max(largest[i], max(abs(r - y_old[i]), abs(r - y[i])))
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         near = abs(first + last) - abs(first - last) <= 0.5 * abs(curve[i])
         mixed[i] = near & (max(abs(first), abs(last)) > NEGLIGIBLE * largest[i])
-    # there, what the parts of the other sign add
+    # In these lanes add the parts of the other sign.
     some = 0
     for i in range(LANES):
         some += mixed[i]
@@ -211,8 +209,8 @@ def _integrate(
 
 @compiled
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
-    """By how much the integrals of |e| and (start + h s) |e| over 0..1 exceed those of a parabola of one sign."""
-    # roots between 0 and 1, in order, without cancellation
+    """Return by how much the integrals of |e| and (start + h s) |e| over 0..1 exceed those without a change of sign."""
+    # Find the roots between 0 and 1, in order, without cancellation.
     cuts = np.array([0.0, 0.0, 0.0, 1.0])
     square = c1 * c1 - 4 * c2 * c0
     if square >= 0:
@@ -221,7 +219,7 @@ def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[fl
         cuts[2] = min(max(c0 / q, 0.0), 1.0) if q != 0 else 0.0
         if cuts[1] > cuts[2]:
             cuts[1], cuts[2] = cuts[2], cuts[1]
-    # antiderivatives at the cuts: absolute values of their differences, and the differences
+    # Between the roots sum the areas, with and without their sign.
     plain, weighted = 0.0, 0.0
     plain_sum, weighted_sum = 0.0, 0.0
     before, before_rising = 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The compiled loop over samples: a plant, its actuator, and a controller."""
+"""Compiled simulation, sample by sample, of a plant, its actuator and a controller."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pidalab.statespace import StateSpace, held, pieces, realise
 
 
 class PlantStates(NamedTuple):
-    """Two systems that share a state: number 1 holds while the first state rises towards w, number 0 otherwise.
+    """Two systems that share a state. Number 1 applies while the first state rises towards w, number 0 otherwise.
 
-    A linear plant is the same twice.
+    For a linear plant both are equal.
     """
 
     A: Array  # (2, n, n)
@@ -30,27 +30,29 @@ class PlantStates(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """The plant across a sample interval, piece by piece, each for both of its systems."""
+    """Transitions of the plant over a sample interval, piece by piece, for both of its systems."""
 
     phi: Array  # (pieces, 2, n, n)
     gamma: Array  # (pieces, 2, n)
-    lag_samples: Array  # (pieces,), how many samples ago the input of the piece was set
-    pulse: Array  # (pieces, widths, n), what a pulse from the lower to the upper limit adds to the state
+    lag_samples: Array  # (pieces,), number of samples since the input of the piece was set
+    pulse: (
+        Array  # (pieces, widths, n), contribution to the state of a pulse from the lower to the upper limit
+    )
     c: Array  # (n,)
     d: float
 
 
 class Actuator(NamedTuple):
-    """What becomes of the signal that the controller wants."""
+    """Limits, resolution and pulse widths of an actuator."""
 
     low: float
     high: float
     quantum: float  # 0 for none
-    widths: int  # number of pulse widths above 0; 0 for an actuator that holds
+    widths: int  # number of pulse widths above 0, or 0 for an actuator that holds
 
 
 def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
-    """Realise a plant; its last state is the running integral of its output."""
+    """Realise a plant. Its last state is the running integral of its output."""
     if isinstance(plant, Process):
         system = realise(plant.num, plant.den)
         systems, c, d = [(system.A, system.b)] * 2, system.c, system.d
@@ -58,7 +60,7 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
         main, direct = (realise(*rational(name, getattr(plant, name))) for name in ("main", "direct"))
         systems = [_with_store(main, direct, time) for time in (plant.fall, plant.rise)]
         c, d = np.concatenate([[main.d], main.c, direct.c]), direct.d
-    # one more state: the running integral of c x + d w
+    # A further state is the running integral of c x + d w.
     with_integral = [
         np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems
     ]
@@ -67,7 +69,7 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
 
 
 def _with_store(main: StateSpace, direct: StateSpace, time: float) -> tuple[Array, Array]:
-    """Put the store in front of the main path, and the other path beside it."""
+    """Put the store in front of the main path, and the direct path in parallel."""
     A = block_diag(-1 / time, main.A, direct.A)
     A[1 : 1 + main.b.size, 0] = main.b
     return A, np.concatenate([[1 / time], np.zeros(main.b.size), direct.b])
@@ -82,7 +84,6 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
     require_later_answer(plant, states.d, h)
     if actuator.widths and (states.d or isinstance(plant, AsymmetricPlant)):
         raise ValueError(f"pulse_widths needs a linear plant without direct feedthrough, found {plant!r}")
-    # across each piece of the sample, for both systems of the plant
     parts = pieces(plant.delay, h)
     across = [[held(A, b, piece.time) for A, b in zip(states.A, states.b, strict=True)] for piece in parts]
     return Steps(
@@ -96,16 +97,18 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
 
 
 def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator: Actuator) -> Array:
-    """Return what pulses of each width add to the state over a piece that begins `offset` after the pulse."""
+    """Return the contribution of pulses of each width to the state over a piece `offset` after their beginning."""
     A, b, widths = states.A[0], states.b[0], actuator.widths
     added = np.zeros((widths + 1, b.size))
     if not widths:
         return added
-    # how long each pulse is on within the piece; what an input of 1 makes of all of it, and of one part of a sample
+    # `on` is the time for which each pulse is on within the piece. `over_piece` is the effect of an input of 1 over the
+    # whole piece, and `phi`, `gamma` advance the state by one part of a sample.
     on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
     over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    # a pulse adds the whole piece less the rest after it; the rest grows by one part from each pulse to the shorter one
+    # A pulse contributes the whole piece less the time after its end, which grows by one part from each width to the
+    # next shorter one.
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
@@ -117,7 +120,7 @@ def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator:
 
 
 def stepper(lanes: int) -> Any:
-    """Return the compiled function that carries out the operations of a step, in so many loops side by side."""
+    """Return the compiled function that executes the operations of a step for a number of loops in parallel."""
 
     def step(code: np.ndarray, numbers: Array) -> None:
         for k in range(code.shape[0]):
@@ -152,7 +155,7 @@ step_one = stepper(1)
 
 @compiled
 def advanced(phi: Array, gamma: Array, x: Array, w: float, new: Array) -> None:
-    """Write phi x + gamma w into `new`; in plain loops, for small matrices faster than a library call."""
+    """Write phi x + gamma w into `new`. For small matrices loops are faster than a library call."""
     for i in range(x.size):
         total = gamma[i] * w
         for j in range(x.size):
@@ -182,7 +185,7 @@ def filtered(block: StateSpace, signal: Array) -> Array:
 
 @compiled
 def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array, at: int) -> float:
-    """Write what an actuator makes of a limited signal, with the load, to `v` and `width`; return it, or its mean."""
+    """Write the actuator's output with the load to `v` and `width`. Return the output, with pulses its mean."""
     if actuator.quantum > 0:
         rounded = actuator.quantum * np.rint(wanted / actuator.quantum)
         u = min(max(rounded, actuator.low), actuator.high)
@@ -191,7 +194,7 @@ def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array
     if actuator.widths > 0:
         span = actuator.high - actuator.low
         share = (wanted - actuator.low) / span
-        # after an overflow the share is nan
+        # After an overflow the share is NaN.
         parts = int(np.rint(share * actuator.widths)) if 0 <= share <= 1 else 0
         v[at], width[at] = actuator.low + load, parts
         return actuator.low + span * parts / actuator.widths
@@ -201,10 +204,10 @@ def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array
 
 @compiled
 def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: int) -> tuple[Array, Array]:
-    """Take the plant across a sample; returns its new state, and the room of the old one."""
+    """Advance the plant by a sample. Return its new state, and the array of the old one."""
     for piece in range(plant.lag_samples.size):
         w = v[at - plant.lag_samples[piece]]
-        system = 1 if w > x[0] else 0  # a store that moves towards w does not pass it while w is held
+        system = 1 if w > x[0] else 0  # while w is held, a store approaches it from one side
         advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
         x, x_new = x_new, x
         if plant.pulse.shape[1] > 1:
@@ -225,22 +228,23 @@ def run(
     load: Array,
     noise: Array,
 ) -> tuple[Array, Array, Array]:
-    """Run the loop for a filtered set point, and return y, u and the integral of y, all counted from rest.
+    """Run the loop for a filtered set point. Return y, u and the integral of y, relative to the state of rest.
 
-    The controller is a block that acts on the error, and the operations of a step. `rest` is y_offset and bias of its
-    signals.
+    The controller consists of a block that acts on the error and the operations of a step. `rest` is the y_offset and
+    the bias of its signals.
 
     Notes
     -----
-    At the beginning of sample k, `x` is the state of the plant at t_k and `z` that of the block; entry `before + k` of
-    `v` and `width` is the input that is set there, with the rest of before t = 0 in front. So the input of a piece is
-    found `lag_samples` entries earlier, and a dead time needs no other memory. A sample is read first, the controller
-    acts, and only then the plant crosses the interval, piece by piece, by its exact transition.
+    At the beginning of sample k, `x` is the state of the plant at t_k and `z` that of the block. Entry `before + k` of
+    `v` and `width` is the input that is set at t_k; the `before` first entries are the rest before t = 0. So the input
+    of a piece is `lag_samples` entries earlier, and a dead time needs no other memory. Each sample reads the
+    measurement, then the controller acts, then the plant is advanced over the interval, piece by piece, by exact
+    transitions.
     """
     n, before = reference.size, plant.lag_samples[0]
     y_offset, bias = rest
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
-    v = np.zeros(n + before)  # input of the plant less its pulses, with its rest before t = 0 in front
+    v = np.zeros(n + before)  # input of the plant without its pulses, beginning with the rest before t = 0
     width = np.zeros(n + before, np.intp)
     x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
     z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)

@@ -1,16 +1,16 @@
-"""Kernels that read outputs from a stack of states and carry a stack on: see `pidalab.simulation.ladder`."""
+"""Kernels that read outputs from a stack of states and advance a stack (see `pidalab.simulation.ladder`)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pidalab._compiled import compiled, plain
-from pidalab.simulation.ring import DROPPED, add_product, add_rows, sizes, tops
+from pidalab.simulation.ring import DROPPED, add_product, add_rows, column_sizes, sizes
 
 
 @compiled
 def advanced(stack, order, power, keep):
-    """Carry a stack over the duration of a power, and keep its youngest ages."""
+    """Advance a stack by the duration of a power, and keep its youngest ages."""
     ages, reach = stack.size // order, power.shape[1] // order
     after = np.zeros(keep * order)
     before = stack.size - after.size
@@ -33,11 +33,11 @@ def advanced(stack, order, power, keep):
 
 @compiled
 def _reads(rows, outputs, order, wide):
-    """Return the largest number by which each output reads the states of each age, and of all ages in a last row."""
+    """Return the largest coefficient by which each output reads each age, and any age in a last row."""
     ages = rows.shape[0] // order
     size = np.zeros((ages + 1, outputs))
     for age in range(ages):
-        columns = tops(rows[(ages - 1 - age) * order : (ages - age) * order, :wide])
+        columns = column_sizes(rows[(ages - 1 - age) * order : (ages - age) * order, :wide])
         for m in range(0, wide, outputs):
             for q in range(outputs):
                 size[age, q] = max(size[age, q], columns[m + q])
@@ -52,7 +52,7 @@ def _read_ages(size):
     ages = size.shape[0] - 1
     largest = size[ages]
     while ages > 1:
-        # a share of each output alone, since u may be read by numbers far larger than those of y
+        # Each output has its own share, since u may be read by much larger numbers than y.
         for q in range(largest.size):
             if size[ages - 1, q] > DROPPED * largest[q]:
                 return ages
@@ -64,7 +64,7 @@ def _read_ages(size):
 def _longest(size, ages, power, order, most):
     """Bound the ages that outputs read one power later, before these reads are computed.
 
-    No number of a product is larger than the order times the largest numbers of both factors.
+    No number of a product exceeds the order times the largest numbers of both factors.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -82,12 +82,13 @@ def _longest(size, ages, power, order, most):
 
 @compiled
 def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
-    """Return what the outputs at `run` times in succession read of a stack: (its states, times and outputs).
+    """Return the rows by which outputs at `run` successive times read a stack: (its states, times and outputs).
 
     Notes
     -----
-    Rows for one time are what the outputs read themselves. Rows for twice as many times follow by a product with the
-    next power: the same reads, one power later. In between ages are dropped that no output reads.
+    The rows for one time are the coefficients of the outputs. After each pass the rows for `have` times are complete.
+    The next pass adds as many by a product with the next power, which moves the same reads one power later. After each
+    pass ages that no output reads are dropped.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -99,7 +100,7 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
         for j in range(order):
             rows[(ages - 1) * order + j, q] = C[q, j]
         reading = direct[q].copy()
-        for age in range(1, ages):  # the direct part of an output reads all older process inputs
+        for age in range(1, ages):  # the direct part of an output reads older process inputs
             place = (ages - 1 - age) * order
             read, passed = np.zeros(order), np.zeros(reading.size)
             add_rows(read, reading, Cv, 0, 0)
@@ -114,7 +115,7 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
     kept = _read_ages(size)
     rows, ages = rows[(ages - kept) * order :], kept
     have, p = outputs, base
-    while have < wide:  # as many again, one power later
+    while have < wide:
         power = powers[p]
         reach = power.shape[1] // order
         more = min(have, wide - have)
@@ -127,7 +128,7 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
             for m in range(more):
                 longer[shift + i, have + m] = rows[i, m]
         for age in range(new):
-            least, end = max(0, age - ages + 1), min(reach, age + 1)  # ages that the power adds
+            least, end = max(0, age - ages + 1), min(reach, age + 1)
             first = (ages - 1 - age + least) * order
             here, count = (new - 1 - age) * order, max(0, end - least) * order
             add_product(longer[here:], (have, more), power, least * order, count, rows, first)
@@ -140,7 +141,7 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
 @compiled
 def nonzero(matrix):
-    """Return the places in each row of a matrix that are not 0, and their number."""
+    """Return the places of nonzero elements in each row of a matrix, and their number."""
     places = np.zeros(matrix.shape, dtype=np.int64)
     numbers = np.zeros(matrix.shape[0], dtype=np.int64)
     for i in range(matrix.shape[0]):
@@ -153,9 +154,9 @@ def nonzero(matrix):
 
 @compiled
 def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
-    """Fill in the derivatives of the states at one multiple of the dead time: (delta A(z))^m / m! of them.
+    """Compute derivatives of the states at one multiple of the dead time, each (delta A(z))^m / m! times the states.
 
-    `delayed` holds, for each derivative, the delayed signals on their way to the next multiple.
+    For each derivative `delayed` holds the signals that leave the dead time at the next multiple.
     """
     order, channels = B.shape
     after = np.zeros(channels)
@@ -169,7 +170,7 @@ def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
             for q in range(channels):
                 total += B[i, q] * delayed[m, q]
             now[i] = share * total
-        for q in range(channels):  # the states enter the dead time, and leave it one dead time later
+        for q in range(channels):  # what the states send into the dead time leaves it one dead time later
             total = 0.0
             for i in range(channels):
                 total += D[q, i] * delayed[m, i]
@@ -181,7 +182,7 @@ def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
 
 
 def _summed_arrays(terms, start, end, share):
-    """As `_summed`."""
+    """Plain form of `summed`."""
     stack = terms[-1, start:end].copy()
     for m in range(terms.shape[0] - 2, -1, -1):
         stack = stack * share + terms[m, start:end]
@@ -197,7 +198,7 @@ def summed(terms, start, end, share):
             stack[j] = terms[0, start + j]
         return stack
     m, x = terms.shape[0], share
-    while m >= 4:  # four at a time
+    while m >= 4:
         m -= 4
         a, b, c, d = terms[m + 3, start:], terms[m + 2, start:], terms[m + 1, start:], terms[m, start:]
         for j in range(end - start):
@@ -212,16 +213,16 @@ def summed(terms, start, end, share):
 
 @compiled
 def ages_needed(read, powers, order, base, most):
-    """Return the ages that a stack needs from which outputs are read up to so many runs later, from 0 to `most` runs.
+    """Return the ages that a stack needs if outputs are read from it up to 0, 1, ..., `most` runs later.
 
-    The binary digits of a number of runs say which powers have the same product; their reaches bound what outputs read
-    of the stack now. Older ages are negligible in all of these outputs and may be cut off.
+    The binary digits of a number of runs select the powers with the same product, and their reaches bound the ages of
+    the present stack that these outputs read. Older ages are negligible in all of them and may be dropped.
     """
     needed = np.full(most + 1, read)
     for runs in range(1, most + 1):
         ages, p, digits = read, base, runs
         while digits > 0:
-            # above the highest power there is no dead time, and one age
+            # Higher powers only exist without dead time, where one age is enough.
             if digits % 2 == 1 and p < len(powers):
                 ages += powers[p].shape[1] // order - 1
             digits //= 2
@@ -232,7 +233,7 @@ def ages_needed(read, powers, order, base, most):
 
 @compiled
 def first_time(k, step, delay):
-    """Return the number of the first requested time that is not before a multiple of the dead time."""
+    """Return the index of the first requested time at or after a multiple of the dead time."""
     grown = 1.0 + 8.0 * 2.0**-52
     i = int(k * delay / step)
     while i > 0 and step * i * grown >= k * delay:
@@ -244,12 +245,12 @@ def first_time(k, step, delay):
 
 @compiled
 def distance_after(k, i, step, delay):
-    """Return the time from a multiple of the dead time to requested time i, 0 where it is as short as rounding."""
+    """Return the time from a multiple of the dead time to requested time i, or 0 if it is only rounding."""
     distance = step * i - k * delay
     return distance if distance > 8.0 * 2.0**-52 * step * i else 0.0
 
 
 @compiled
 def bit_is_set(count, power):
-    """Return True if the binary form of a count has this power of 2; the count may exceed the largest integer."""
+    """Return True if the binary form of a count has this power of 2. The count may exceed the largest integer."""
     return np.floor(count * 2.0**-power) % 2.0 == 1.0

@@ -105,7 +105,7 @@ def test_error_names_row_and_column(tmp_path):
     rows[5] = "4,40,bad"
     assert Record.read_csv(write(tmp_path, "\n".join(rows))).t.size == 39
     rows[7] = "6,fourty,20"
-    with pytest.raises(ValueError, match=r"row 8, column 1: expected a number, found 'fourty'"):
+    with pytest.raises(ValueError, match=r"row 8, column 'u': expected a number, found 'fourty'"):
         Record.read_csv(write(tmp_path, "\n".join(rows)))
     with pytest.raises(ValueError, match="no column 'valve'; its columns are 'time', 'u', 'y'"):
         Record.read_csv(write(tmp_path, "\n".join(rows)), u="valve")
@@ -281,3 +281,17 @@ def test_several_traces_are_refused(tmp_path, columns):
     )
     with pytest.raises(ValueError, match=r"row 66: words.*numbers again from row 71 on.*several traces"):
         Record.read_csv(write(tmp_path, text), **columns)
+
+
+@pytest.mark.parametrize(
+    ("header", "doubted"),
+    [("time,setpoint,u,y", ""), ("Time (s),SP,U [V],Y", ""), ("time,sp,co,pv", "u is column 'sp'")],
+)
+def test_columns_called_u_and_y_are_taken_by_default(tmp_path, header, doubted):
+    """The set point before them is not taken for the input in silence."""
+    path = tmp_path / "log.csv"
+    rows = [f"{k},{k // 20},{k // 30},{k / 7:.3f}" for k in range(60)]
+    path.write_text("\n".join([header, *rows]))
+    record = Record.read_csv(path)
+    assert record.u[25] == (1 if doubted else 0)
+    assert doubted in "".join(record.doubts)

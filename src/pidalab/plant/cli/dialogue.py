@@ -1,4 +1,4 @@
-"""What the commands share: options, one-line errors, and output."""
+"""What the commands share: commands with one-line errors, options, and output."""
 
 from __future__ import annotations
 
@@ -18,23 +18,51 @@ import click
 from pidalab.plant.writing import write_files
 
 REFUSALS = (ValueError, TypeError, OSError, ImportError, RuntimeError, ArithmeticError)
+CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True}
 EXISTING = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
-def one_line(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn an error of the library into one line on stderr and exit status 1."""
+class Command(click.Command):
+    """A command that turns an error of the library into one line on stderr and exit status 1."""
 
-    @functools.wraps(command)
-    def guarded(**options: Any) -> None:
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
         try:
-            command(**options)
+            return super().invoke(ctx)
         except MemoryError as refusal:
             said = "this needs more memory than there is: ask for shorter times, or for fewer samples"
             raise click.ClickException(said) from refusal
         except REFUSALS as refusal:
             raise click.ClickException(visible(" ".join(str(refusal).split()))) from refusal
 
-    return guarded
+
+class Group(click.Group):
+    """A group of such commands."""
+
+    command_class = Command
+
+
+@click.group(cls=Group, context_settings=CONTEXT_SETTINGS)
+@click.version_option(package_name="pidalab")
+def main() -> None:
+    """PIDA control: from a plant record to controller code, and what a controller does to a plant.
+
+    \b
+    From a record, a delimited text file with an open-loop step:
+      pidalab report step.csv --sample-time 0.2                compare PI, PID and PIDA
+      pidalab tune step.csv --sample-time 0.2 --out folder     tune one of them and write its code
+      pidalab check log.csv --kp 0.6 --ti 12                   judge the gains that run
+    For a known plant:
+      pidalab compare --num 1 --den 1,3,3,1 --delay 1          apply every rule to it
+      pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  simulate one loop
+    Without a plant:
+      pidalab rules                                            list the rules by name
+      pidalab rule --ku 250 --tu 7200                          gains from ultimate gain and period
+      pidalab benchmark rule.py:tune --out folder              rank a rule of yours on 134 plants
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # for consoles that lack a character
+            stream.reconfigure(errors="replace")
 
 
 @contextmanager
@@ -61,6 +89,7 @@ class Place(click.Path):
 
 
 OUT_FILE = Place(dir_okay=False, path_type=Path)
+ABOVE = click.FloatRange(0.0, min_open=True)
 
 
 def add_options(*options: Callable[..., Any]) -> Callable[..., Any]:
@@ -76,9 +105,9 @@ def numbers(ctx: click.Context, param: click.Parameter, value: str) -> list[floa
         raise click.BadParameter(f"must be numbers with commas between them, found {value!r}") from None
 
 
-def column(ctx: click.Context, param: click.Parameter, value: str) -> str | int:
+def column(ctx: click.Context, param: click.Parameter, value: str | None) -> str | int | None:
     """Take digits for the number of a column and anything else for its name."""
-    return int(value) if value.isdecimal() else value
+    return int(value) if value is not None and value.isdecimal() else value
 
 
 ms = click.option("--ms", default=1.6, help="Largest maximum sensitivity.")
@@ -93,10 +122,16 @@ plant = add_options(
     click.option("--delay", default=0.0, help="Dead time."),
 )
 columns = add_options(
-    click.option("--time", default="0", callback=column, help="Column of the times: name, or number from 0."),
-    click.option("--u", default="1", callback=column, help="Column of the plant's input."),
-    click.option("--y", default="2", callback=column, help="Column of the measured output."),
+    click.option(
+        "--time",
+        callback=column,
+        show_default="time, or 0",
+        help="Column of the times: name, or number from 0.",
+    ),
+    click.option("--u", callback=column, show_default="u, or 1", help="Column of the plant's input."),
+    click.option("--y", callback=column, show_default="y, or 2", help="Column of the measured output."),
 )
+GAINS = ("kp", "ti", "td", "ta", "n", "m")
 times = add_options(
     click.option("--td", default=0.0, help="Derivative time."),
     click.option("--ta", default=0.0, help="Acceleration time squared."),
@@ -124,13 +159,3 @@ def write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
     """Write files, and print their paths."""
     for path in write_files(folder, texts, replace=force):
         click.echo(visible(f"written: {path}"))
-
-
-def csv_of(table: dict[str, Any]) -> str:
-    """Return columns of numbers as the text of a CSV file."""
-    import numpy as np
-
-    text = io.StringIO()
-    rows = np.column_stack(list(table.values()))
-    np.savetxt(text, rows, fmt="%.10g", delimiter=",", header=",".join(table), comments="")
-    return text.getvalue()

@@ -5,33 +5,28 @@ from __future__ import annotations
 import functools
 import io
 import math
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import pidalab
 from pidalab._text import STARTING_MODELS, set_out
 from pidalab.plant.cli import dialogue
 
-if TYPE_CHECKING:
-    from pidalab.loop import Loop
-    from pidalab.process import Process
-    from pidalab.response import Response
-
 DEFAULT_SAMPLES = 2000  # of a response of a continuous controller
 MOST_DIGITAL_SAMPLES = 1e7  # of a digital one: more would fill the memory
+FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 
 
-@click.command("compare")
+@dialogue.main.command("compare")
 @dialogue.plant
 @dialogue.ms
 @click.option("--noise-gain", type=float, help="Limit of the noise gain; default: a relative one of 1.5.")
 @click.option("--sample-time", type=float, help="Sample time of the noise; default: ultimate period / 100.")
 @click.option("--rule", "rules", multiple=True, help="A rule by name, or 'optimal'; may be repeated.")
-@dialogue.one_line
 def compare_command(
     num: list[float], den: list[float], delay: float, rules: tuple[str, ...], **limits: float
 ) -> None:
@@ -42,13 +37,10 @@ def compare_command(
       pidalab compare --num 1 --den 1,3,3,1 --delay 1
       pidalab compare --den 1,3,3,1 --delay 1 --rule simc --rule optimal
     """
-    from pidalab.comparison import compare
-    from pidalab.process import Process
-
-    click.echo(str(compare(Process(num, den, delay), **limits, rules=rules or None)))
+    click.echo(str(pidalab.compare(pidalab.Process(num, den, delay), **limits, rules=rules or None)))
 
 
-@click.command("rules")
+@dialogue.main.command("rules")
 def rules_command() -> None:
     """List the rules by name, with the kinds of controllers that they make and their sources."""
     from pidalab.rules.registry import RULES
@@ -57,13 +49,12 @@ def rules_command() -> None:
         click.echo(set_out([rule.name, ", ".join(rule.kinds), rule.source], (27, 15, 0), left=3))
 
 
-@click.command("rule")
+@dialogue.main.command("rule")
 @click.argument("relay", required=False, type=dialogue.EXISTING)
 @click.option("--ku", type=float, help="Ultimate gain, in units of u per unit of y.")
 @click.option("--tu", type=float, help="Ultimate period; every time is in its unit.")
 @dialogue.columns
-@dialogue.one_line
-def rule_command(relay: Path | None, ku: float | None, tu: float | None, **columns: str | int) -> None:
+def rule_command(relay: Path | None, ku: float | None, tu: float | None, **columns: str | int | None) -> None:
     """List the gains that rules give for an ultimate gain and period, or for a RELAY record.
 
     Each controller is shown with its Ms on models that have this ultimate gain and period.
@@ -77,7 +68,7 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
     from pidalab.plant.ultimate import models_of, relay_oscillation, rule_table
 
     if relay is not None and ku is None and tu is None:
-        wave = relay_oscillation(*read_columns(relay, [columns[name] for name in ("time", "u", "y")]).values)
+        wave = relay_oscillation(*read_columns(relay, columns).values)
         ku, tu = wave.ku, wave.tu
         click.echo(str(wave))
     elif relay is not None or ku is None or tu is None:
@@ -89,7 +80,7 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
         click.echo(set_out([rule, kind, f"{k.kp:.4g}", f"{k.ti:.4g}", f"{k.td:.4g}", *values], widths))
 
 
-@click.command("simulate")
+@dialogue.main.command("simulate")
 @dialogue.plant
 @click.option("--kp", type=float, help="Gain.")
 @click.option("--ti", default=math.inf, help="Integral time; default: no integral action.")
@@ -97,14 +88,13 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
 @click.option(
     "--controller", type=dialogue.EXISTING, help="A controller.json of 'pidalab tune' instead of gains."
 )
-@click.option("--until", type=float, required=True, help="End of the simulation.")
+@click.option("--until", type=dialogue.ABOVE, required=True, help="End of the simulation.")
 @click.option("--setpoint", default=1.0, help="Step of the set point at 0.")
 @click.option("--load", default=0.0, help="Step of the load at 0.")
 @click.option("--sample-time", type=float, help="Of a digital controller (backward); default: continuous.")
 @dialogue.limits
 @click.option("--out", type=dialogue.OUT_FILE, help="CSV file for t, r, y, u.")
 @dialogue.force
-@dialogue.one_line
 def simulate_command(
     num: list[float], den: list[float], delay: float, out: Path | None, force: bool, **options: Any
 ) -> None:
@@ -117,64 +107,58 @@ def simulate_command(
       pidalab simulate --den 1,3,3,1 --delay 1 --kp 1.3 --ti 3 --td 1 --ta 0.3 --until 40 --out response.csv
       pidalab simulate --num 2.3 --den 360,198,29,1 --delay 8 --controller folder/controller.json --until 200
     """
-    from pidalab.process import Process
-    from pidalab.robustness.margins import margins
-
-    loop = _loop(Process(num, den, delay), options)
-    response = _response(loop, **{x: options[x] for x in ("until", "setpoint", "load", "u_min", "u_max")})
-    dialogue.show([("Loop", repr(loop)), ("Margins", str(margins(loop))), ("Measures", _measures(response))])
-    if out is not None:
-        text = dialogue.csv_of({name: getattr(response, name) for name in ("t", "r", "y", "u")})
-        dialogue.write(out.parent, {out.name: text}, force)
-
-
-def _loop(process: Process, options: dict[str, Any]) -> Loop:
-    """Close the loop with the gains, or with the controller of a file."""
-    from pidalab.controllers import PIDA
-    from pidalab.digital import from_json
-    from pidalab.loop import Loop
-
-    file, h, names = options["controller"], options["sample_time"], ("kp", "ti", "td", "ta", "n", "m")
-    if file is not None:
-        source = click.get_current_context().get_parameter_source
-        given = [x for x in (*names, "sample_time") if source(x) is click.core.ParameterSource.COMMANDLINE]
-        if given:
-            said = " and ".join(f"--{name.replace('_', '-')}" for name in given)
-            raise click.UsageError(f"--controller has its own gains and sample time: leave out {said}")
-        try:  # an editor may have put a byte order mark before the text
-            return Loop(process, from_json(file.read_text(encoding="utf-8-sig")))
-        except ValueError as refusal:
-            raise ValueError(f"--controller {file}: {refusal}") from None
-    if options["kp"] is None:
-        raise click.UsageError("give --kp and its times, or --controller")
-    k = PIDA(**{name: options[name] for name in names})
-    return Loop(process, k if h is None else k.discretise(h))
-
-
-def _response(loop: Loop, until: float, u_min: float, u_max: float, **steps: Any) -> Response:
     import numpy as np
 
-    from pidalab import _check
-    from pidalab.simulation.exact import simulate
-    from pidalab.simulation.sampled import simulate_sampled
+    loop = pidalab.Loop(pidalab.Process(num, den, delay), _controller(options))
+    response = _response(loop, **{x: options[x] for x in ("until", "setpoint", "load", "u_min", "u_max")})
+    margins, measures = str(pidalab.margins(loop)), _measures(response)
+    dialogue.show([("Loop", repr(loop)), ("Margins", margins), ("Measures", measures)])
+    if out is not None:
+        text, columns = io.StringIO(), [response.t, response.r, response.y, response.u]
+        rows = np.column_stack(columns)
+        np.savetxt(text, rows, fmt="%.10g", delimiter=",", header="t,r,y,u", comments="")
+        dialogue.write(out.parent, {out.name: text.getvalue()}, force)
 
-    until = _check.real("--until", until, above=0.0)
+
+def _controller(options: dict[str, Any]) -> Any:
+    """Return the controller of the gains, or that of a file."""
+    file, h = options["controller"], options["sample_time"]
+    if file is None:
+        if options["kp"] is None:
+            raise click.UsageError("give --kp and its times, or --controller")
+        k = pidalab.PIDA(**{name: options[name] for name in dialogue.GAINS})
+        return k if h is None else k.discretise(h)
+    source = click.get_current_context().get_parameter_source
+    names = (*dialogue.GAINS, "sample_time")
+    given = [x for x in names if source(x) is click.core.ParameterSource.COMMANDLINE]
+    if given:
+        said = " and ".join(f"--{name.replace('_', '-')}" for name in given)
+        raise click.UsageError(f"--controller has its own gains and sample time: leave out {said}")
+    try:  # an editor may have put a byte order mark before the text
+        return pidalab.digital.from_json(file.read_text(encoding="utf-8-sig"))
+    except ValueError as refusal:
+        raise ValueError(f"--controller {file}: {refusal}") from None
+
+
+def _response(loop: pidalab.Loop, until: float, u_min: float, u_max: float, **steps: Any) -> pidalab.Response:
+    import numpy as np
+
     if loop.digital is None:
         if math.isfinite(u_min) or math.isfinite(u_max):
             raise click.UsageError(
                 "--u-min and --u-max are limits of a digital controller: give --sample-time"
             )
-        return simulate(loop, np.linspace(0.0, until, DEFAULT_SAMPLES + 1), **steps)
+        return pidalab.simulate(loop, np.linspace(0.0, until, DEFAULT_SAMPLES + 1), **steps)
     h = loop.digital.sample_time
     if not until / h <= MOST_DIGITAL_SAMPLES:
         raise click.UsageError(
             f"--until must be at most {MOST_DIGITAL_SAMPLES:g} samples of {h:g}, found {until:g}"
         )
     t = h * np.arange(max(2, round(until / h) + 1))
-    return simulate_sampled(loop, t, limits=(u_min, u_max), **steps)
+    return pidalab.simulate_sampled(loop, t, limits=(u_min, u_max), **steps)
 
 
-def _measures(response: Response) -> str:
+def _measures(response: pidalab.Response) -> str:
     end = float(response.t[-1])  # the loop may diverge: every measure ends with the simulation
     lines = [
         f"IAE {response.iae(end):.6g}, ITAE {response.itae(end):.6g}, ISE {response.ise(end):.6g}, until {end:g}",
@@ -188,9 +172,6 @@ def _measures(response: Response) -> str:
     with suppress(ValueError):
         settling = f"settling time (2 %) {response.settling_time(0.02):.6g}"
     return "\n".join([*lines, f"{overshoot}, {settling}"] if response.r[-1] != 0 else lines)
-
-
-FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 
 
 @functools.cache
@@ -209,14 +190,13 @@ def _apply(path: Path, name: str, process: Any) -> Any:
     return _function(path, name)(process)
 
 
-@click.command("benchmark")
+@dialogue.main.command("benchmark")
 @click.argument("rule", metavar="FILE.py:FUNCTION")
 @click.option("--name", help="Name of the rule in tables; default: its function's name.")
 @click.option("--model", type=click.Choice(STARTING_MODELS), default="process", help="What the rule gets.")
 @click.option("--plant", "plants", multiple=True, help="One plant, such as 'P2 T=1'; may be repeated.")
 @click.option("--workers", default=2, type=click.IntRange(1), help="Processes in parallel.")
 @dialogue.out
-@dialogue.one_line
 def benchmark_command(rule: str, out: Path | None, force: bool, **options: Any) -> None:
     """Rank a rule of your own on 134 plants among all rules and the optima, in about a minute.
 
@@ -230,7 +210,6 @@ def benchmark_command(rule: str, out: Path | None, force: bool, **options: Any) 
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
 
-    from pidalab.comparison.benchmarking import benchmark
     from pidalab.plant.writing import refuse_others
 
     file, _, function = rule.rpartition(":")
@@ -242,12 +221,10 @@ def benchmark_command(rule: str, out: Path | None, force: bool, **options: Any) 
     apply = functools.partial(_apply, path.resolve(), function)
     name, plants = options["name"] or function, options["plants"] or None
     with ProcessPoolExecutor(options["workers"], multiprocessing.get_context("spawn")) as pool:
-        ranking = benchmark(apply, name, options["model"], plants, pool)
+        ranking = pidalab.benchmark(apply, name, options["model"], plants, pool)
     click.echo(str(ranking))
     if out is not None:
         figure = io.StringIO()
         ranking.plot().savefig(figure, format="svg")
-        with tempfile.TemporaryDirectory() as folder:
-            rows = ranking.csv(Path(folder, "rows.csv")).read_text(encoding="utf-8")
-        texts = (rows, ranking.latex(), figure.getvalue())
+        texts = (ranking.csv(), ranking.latex(), figure.getvalue())
         dialogue.write(out, dict(zip(FILES, texts, strict=True)), force)

@@ -4,31 +4,21 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import pidalab
 from pidalab._text import KINDS, plain_text
 from pidalab.plant.cli import dialogue
 from pidalab.plant.doubts import doubt
 
-if TYPE_CHECKING:
-    from pidalab.plant.fitting import Fit
-    from pidalab.plant.record import Record
-    from pidalab.rules import Design
-
 MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
 WEIGHT = click.FloatRange(0.0, 1.0)
-ABOVE = click.FloatRange(0.0, min_open=True)
-READING = ("time", "u", "y", "period", "delimiter", "skip", "step", "u_before", "outliers", "run")
+READING = ("time", "u", "y", "period", "delimiter", "skip", "u_before", "outliers", "run")
 TUNING = ("rule", "ms", "ms_worst", "noise_gain", "spread", "sample_time")
-CODE = {
-    "controller.c": "c",
-    "controller.st": "structured_text",
-    "controller.py": "python",
-    "controller.json": "json",
-}
+CODE = {"c": "c", "st": "structured_text", "py": "python", "json": "json"}
 START = """\
 1. Units: your controller must use the units of u, y and time of the record, and the sample time {sample_time:g}.
 2. Direction: in manual mode, move u {way} a little. y must rise.
@@ -41,7 +31,6 @@ record = dialogue.add_options(
     click.option("--period", type=float, help="Time between samples, for a file without times."),
     click.option("--delimiter", help="Between the columns, such as ';' or '\\s+'; default: found out."),
     click.option("--skip", default=0, help="Lines to leave out at the beginning."),
-    click.option("--step", type=float, help="Time of the step that matters, if there are several."),
     click.option("--u-before", type=float, help="Input before the record, if that begins with its step."),
     click.option("--outliers", type=click.Choice(["drop", "keep"]), help="What to do with wild outputs."),
     click.option("--run", type=int, help="Which of several runs, from 1, where the time restarts."),
@@ -59,7 +48,9 @@ code = dialogue.add_options(
     dialogue.limits,
     click.option("--b", type=WEIGHT, help="Set-point weight of P; default: 0.5, or 1 with a prefilter."),
     click.option("--c", type=WEIGHT, help="Set-point weight of D and A; default: 0, or 1 with a prefilter."),
-    click.option("--rate-limit", type=ABOVE, default=math.inf, help="Largest change of u in a unit of time."),
+    click.option(
+        "--rate-limit", type=dialogue.ABOVE, default=math.inf, help="Largest change of u in a unit of time."
+    ),
     click.option("--deadband", type=click.FloatRange(0.0), default=0.0, help="Error in y that is ignored."),
     click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="What a limit does to I."),
     click.option("--feedforward", is_flag=True, help="Code with an input that is added to u."),
@@ -68,7 +59,7 @@ code = dialogue.add_options(
 )
 
 
-@click.command("report")
+@dialogue.main.command("report")
 @record
 @design
 @click.option(
@@ -76,7 +67,6 @@ code = dialogue.add_options(
 )
 @click.option("--out", type=dialogue.OUT_FILE, help="HTML file to write.")
 @dialogue.force
-@dialogue.one_line
 def report_command(out: Path | None, force: bool, trade_off: bool, **options: Any) -> None:
     """Tune a PI, a PID and a PIDA for the plant of a RECORD with the same limits, and compare them.
 
@@ -84,31 +74,27 @@ def report_command(out: Path | None, force: bool, trade_off: bool, **options: An
     Example:
       pidalab report step.csv --time time --u valve --y level --sample-time 0.2 --out report.html
     """
-    from pidalab.plant.reporting import report
-
     fitted = fit_record(options)
     with dialogue.progress("searching for a PI, a PID and a PIDA"):
-        candidates = report(fitted, **{name: options[name] for name in TUNING})
-    sections, traded = [("Candidates", str(candidates))], None
+        candidates = pidalab.report(fitted, **{name: options[name] for name in TUNING})
+    sections, figure = [("Candidates", str(candidates))], None
     if trade_off:
-        from pidalab.plant.noise_curves import trade_off as find_trade_off
-
         with dialogue.progress("searching for the trade-off"):
-            traded = find_trade_off(candidates.process)
+            traded = pidalab.trade_off(candidates.process)
         sections.append(("Trade-off", str(traded)))
+        figure = traded.plot()
     dialogue.show([*sections, ("Model", str(fitted)), ("Record", str(fitted.record))])
     if out is not None:
         title = f"PI, PID and PIDA for {plain_text(options['record'].name)}"
-        dialogue.write(out.parent, {out.name: candidates.page(title, traded=traded)}, force)
+        dialogue.write(out.parent, {out.name: candidates.page(title, traded=figure)}, force)
 
 
-@click.command("tune")
+@dialogue.main.command("tune")
 @record
 @click.option("--kind", default="PIDA", type=click.Choice(KINDS))
 @design
 @code
 @dialogue.out
-@dialogue.one_line
 def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
     """Tune a controller from a plant RECORD, a text file in which the input moves: a step, best from rest.
 
@@ -119,23 +105,18 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     Example:
       pidalab tune step.csv --time time --u valve --y level --kind PIDA --ms 1.6 --sample-time 0.2 --out folder
     """
-    from pidalab.loop import Loop
-    from pidalab.plant.reporting import MEASURES, report
-    from pidalab.robustness.margins import margins
-
     h, low, high = (options[x] for x in ("sample_time", "u_min", "u_max"))
     fitted = fit_record(options)
     record = fitted.record
     with dialogue.progress(f"searching for a {kind}"):
-        candidates = report(fitted, kinds=kind, **{name: options[name] for name in TUNING})
+        candidates = pidalab.report(fitted, kinds=kind, **{name: options[name] for name in TUNING})
     row = candidates.rows[0]
     assert row.design is not None
     digital = _digital(row.design, record, options)
-    sampled = margins(Loop(fitted.process, digital))
+    sampled = pidalab.margins(pidalab.Loop(fitted.process, digital))
     measured = [
-        f"{name}: {value:.4g}" + f" ({meaning})" * (name != "worst Ms")
-        for x, (name, meaning) in MEASURES.items()
-        if not math.isnan(value := getattr(row, x))
+        f"{name}: {value}" + f" ({meaning})" * (name != "worst Ms")
+        for name, value, meaning in candidates.table()[1:]
     ]
     way = "up" if fitted.parameters["gain"] > 0 else "down"
     start = START.format(sample_time=h, way=way, overshoot=row.overshoot, twice=2 * max(row.overshoot, 5.0))
@@ -155,7 +136,7 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     ]
     folded = [
         ("Expected", "\n".join(measured)),
-        ("Margins, continuous", str(margins(row.design.loop(fitted.process)))),
+        ("Margins, continuous", str(pidalab.margins(row.design.loop(fitted.process)))),
         (f"Margins, sampled every {h:g}", str(sampled)),
         ("Model", f"{fitted.process!r}\n{fitted.described()}"),
         ("Record", record.described()),
@@ -166,23 +147,28 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     name = options["record"].name
     head = {"record": name, "time_unit": record.time_unit, "date": record.date, "margins": sampled}
     head["note"] = "\n".join(f"Doubt: {said}" for said in doubts)
-    texts = {file: getattr(digital, language)(**head) for file, language in CODE.items()}
+    texts = {f"controller.{end}": getattr(digital, language)(**head) for end, language in CODE.items()}
     if options["single"]:
         texts["controller.c"] = digital.c(precision="single", **head)
     title = f"{kind} controller for {plain_text(name)}"
     dialogue.write(out, texts | {"report.html": candidates.page(title, sections, folded)}, force)
 
 
-@click.command("check")
+@dialogue.main.command("check")
 @record
 @click.option("--kp", type=float, required=True, help="Gain, in units of u per unit of y.")
 @click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
 @dialogue.times
-@click.option("--filter", "lag", default=0.0, help="Time constant of the measurement's filter.")
+@click.option(
+    "--filter",
+    "lag",
+    type=click.FloatRange(0.0),
+    default=0.0,
+    help="Time constant of the measurement's filter.",
+)
 @click.option("--sample-time", type=float, help="Of the controller; default: that of the log.")
 @dialogue.limits
 @dialogue.ms_worst
-@dialogue.one_line
 def check_command(lag: float, **options: Any) -> None:
     """Judge the gains of a running loop by a log of it, the RECORD.
 
@@ -193,40 +179,28 @@ def check_command(lag: float, **options: Any) -> None:
     Example:
       pidalab check log.csv --time time --u valve --y level --kp 0.6 --ti 12 --sample-time 0.5
     """
-    from pidalab import _check
-    from pidalab.controllers import PIDA
-    from pidalab.plant.checking import check
-
-    lags = None
-    if _check.real("--filter", lag, at_least=0.0):
-        import control
-
-        lags = control.TransferFunction([1.0], [lag, 1.0])
-    running = PIDA(**{name: options[name] for name in ("kp", "ti", "td", "ta", "n", "m")})
+    running = pidalab.PIDA(**{name: options[name] for name in dialogue.GAINS})
+    lags = pidalab.fopdt(1.0, lag, 0.0).rational_part() if lag else None
     log = read_record(options)
     with dialogue.progress("fitting the plant and searching for three sets of gains"):
         asked = {name: options[name] for name in ("sample_time", "ms_worst", "model")}
-        judged = check(log, running, output_filter=lags, **asked)
+        judged = pidalab.check(log, running, output_filter=lags, **asked)
         gains = str(judged)
     model = f"{judged.fit.process!r}\n{judged.fit.described()}"
     dialogue.show([("Gains", gains), ("Model", model), ("Log", log.described())])
 
 
-def fit_record(options: dict[str, Any]) -> Fit:
+def fit_record(options: dict[str, Any]) -> pidalab.identification.Fit:
     """Read and fit the record that the options describe."""
-    from pidalab.plant.fitting import fit
-
     record = read_record(options)
     with dialogue.progress("fitting the plant"):
-        return fit(record, options["model"])
+        return pidalab.identification.fit(record, options["model"])
 
 
-def read_record(options: dict[str, Any]) -> Record:
+def read_record(options: dict[str, Any]) -> pidalab.Record:
     """Read the record that the options describe, and compare it with the limits of u."""
-    from pidalab.plant.record import Record
-
     with dialogue.progress("reading"):
-        record = Record.read_csv(options["record"], **{name: options[name] for name in READING})
+        record = pidalab.Record.read_csv(options["record"], **{name: options[name] for name in READING})
     low, high = options.get("u_min", -math.inf), options.get("u_max", math.inf)
     least, most = min(record.u.min(), record.u_before), max(record.u.max(), record.u_before)
     if not low <= least <= most <= high:
@@ -238,7 +212,7 @@ def read_record(options: dict[str, Any]) -> Record:
     return record
 
 
-def _digital(design: Design, record: Record, options: dict[str, Any]) -> Any:
+def _digital(design: pidalab.Design, record: pidalab.Record, options: dict[str, Any]) -> Any:
     """Return the digital controller, with the working point of the record."""
     # a prefilter shapes the set point already; automatic reset needs both weights at 1
     shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
@@ -261,7 +235,7 @@ def missing_limits(low: float, high: float) -> list[str]:
     return [doubt("no limits", options=" and ".join(lacking))] if lacking else []
 
 
-def _vendors(design: Design, time_unit: str) -> str:
+def _vendors(design: pidalab.Design, time_unit: str) -> str:
     """Return the parameters of vendor blocks, or why there are none."""
     try:
         forms = design.vendor_forms(time_unit or "s")
