@@ -1,4 +1,4 @@
-"""Areas of models: closed forms, the Taylor series in high precision, Table 1 of vrancic2021, filters."""
+"""Compare areas of models with closed forms, Taylor series in high precision and Table 1 of vrancic2021."""
 
 import math
 from fractions import Fraction
@@ -26,7 +26,7 @@ TABLE_1 = {  # process, order of controller and filter: A_0, A_1, ...
 
 @pytest.mark.parametrize("key", TABLE_1)
 def test_printed_areas(key):
-    """All 68 numbers of Table 1 to the last digit; 39.3165 and others are ties in decimals, printed rounded up."""
+    """Check all 68 numbers of Table 1 to the last digit. Ties, such as 39.3165, are printed rounded up."""
     process, order = {1: G1, 2: G2}[key[0]], key[1] or 0
     printed = TABLE_1[key].split()
     found = areas.with_binomial_filter(areas.from_process(process, len(printed)), 0.1, order)
@@ -52,7 +52,7 @@ def test_dead_time_zeros_and_a_common_factor():
 
 
 def test_damped_oscillation_without_loss_of_digits():
-    """The recursion (7) cancels here, in floats by six digits at A_30; the fractions lose none."""
+    """Recursion (7) in floats loses six digits at A_30 here. The exact fractions lose none."""
     process = pidalab.Process([1.3, 0.7], [0.9, 0.31, 1.7], delay=0.37)
     with mpmath.workdps(60):
         (b1, b0), (a2, a1, a0), delay = process.num.tolist(), process.den.tolist(), mpmath.mpf(0.37)

@@ -1,4 +1,4 @@
-"""Each method of discretisation: substitutions and held inputs."""
+"""Check each method of discretisation: substitutions and held inputs."""
 
 import math
 
@@ -25,7 +25,7 @@ H = 0.07
 
 
 def held(controller, h, time=1.0, order=0):
-    """What a held input makes of a controller behind equal lags, in high precision: the exponential of its chains."""
+    """Return the values at Z of a controller behind equal lags, discretised for a held input in high precision."""
     with mp.workdps(30):
         return [complex(held_at(controller, h, time, order, z)) for z in Z]
 
@@ -73,7 +73,7 @@ def test_held_input(name, h):
 
 
 def test_reset_behind_a_held_input():
-    """(1 + lag of the signal, one sample late) times the stabilising controller."""
+    """The controller is (1 + lag of the signal, one sample late) times the stabilising controller."""
     own = CONTROLLERS["series"]
     stabiliser = HighOrderPID([0.0, own.kp, own.kd, own.ka], own.filter_time, own.filter_order)
     a = math.exp(-H / own.ti)
@@ -103,7 +103,7 @@ def test_long_sample_times_warn(controller, h, message):
 
 
 def test_gain_of_back_calculation():
-    """Back-calculation takes the root of integral and derivative time, the reset the integral time."""
+    """Back-calculation uses the root of integral and derivative time, the reset the integral time."""
     h, ti, td = 0.1, 2.0, 0.5
 
     def gain(way, own=PID):
@@ -141,7 +141,7 @@ def test_an_output_filter_becomes_a_part(name):
 
 
 def test_set_point_of_a_filtered_pida_without_derivatives_of_it():
-    """With c = 0 a step of the set point passes the filtered PI, whatever the derivatives are split into."""
+    """With c = 0 only the filtered PI acts on a step of the set point."""
     F = OutputFilter(0.4, 2, math.nan)
     whole = CONTROLLERS["pida"].discretise(H, "backward", F, c=0.0, b=0.5)
     plain = CONTROLLERS["pi"].discretise(H, "backward", F, b=0.5)
@@ -154,7 +154,7 @@ def test_set_point_of_a_filtered_pida_without_derivatives_of_it():
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("time", [0.18, 0.18 * (1 + 1e-12), 0.18001, 0.19, 0.0901, 0.4, 2.0])
 def test_an_output_filter_near_a_part_of_the_controller(time, order):
-    """The parts have filters of 0.18 and 0.09: near, in between and far, nothing cancels."""
+    """The parts have filters of 0.18 and 0.09. No digits are lost with times near to them, in between or far away."""
     C, F = PIDA(1.3, 3.3, 0.9, 0.27, 5, 3), OutputFilter(time, order, math.nan)
     for method, s in (("backward", (1 - 1 / Z) / H), ("tustin", 2 / H * (Z - 1) / (Z + 1))):
         k = C.discretise(H, method, F, anti_windup="clamping")
@@ -164,8 +164,8 @@ def test_an_output_filter_near_a_part_of_the_controller(time, order):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_transfer_function_has_the_poles_of_its_lags_and_of_the_integral(name):
-    """And no others, that would cancel: each counts where stability is judged."""
+def test_transfer_function_has_no_cancelling_poles(name):
+    """It has the poles of the lags and of the integral. Others would count as unstable or stable poles of the loop."""
     k = CASES[name]
     lags = [1 - new - old for path in k.paths for new, old in zip(path.new, path.old, strict=True)]
     expected = np.poly(lags + [1.0] * k.integrates)

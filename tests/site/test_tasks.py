@@ -1,4 +1,4 @@
-"""Tasks that the page judges, as a reader solves them: by keyboard, with memory or without, on a phone."""
+"""Solve tasks in the browser: by keyboard, with storage or without, on a phone."""
 
 import json
 
@@ -20,7 +20,7 @@ def verdict(page, label):
 
 
 def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
-    """One load of a page for all that a reader does, and a second for what is left."""
+    """The page is reloaded at the end, and the task is still solved."""
     label, url = "task-1-1", address(site, "learn/what-acceleration-does")
     page, wrong = visit(url, viewport=NARROW)
     assert page.evaluate(OVERFLOW) <= 1
@@ -62,7 +62,7 @@ def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
     assert wrong == []
 
 
-def test_a_browser_that_keeps_nothing_still_judges(site, browser):
+def test_tasks_work_without_storage(site, browser):
     page = browser.new_page()
     page.add_init_script(REFUSED)
     page.goto(address(site, "learn/tuning"))
