@@ -63,7 +63,7 @@ def doors(process, loop, design, model):
         "library": pidalab.relative_noise_gain(loop),
         "by its parts": pidalab.noise_gain(loop, scale.sample_time) / scale.gain,
         "tables of the comparison": design_row.noise_gain / scale.gain,
-        "report": measure_candidate(by_hand, "one", "PIDA", process).noise_gain,
+        "report": measure_candidate(by_hand, "one", "PIDA", process).relative_noise,
         "lab and live figures": model.shown(process=plant, design=design, end=40.0)["sigma"],
         "tasks": model.judged(process=plant, design=design)["value"],
     }

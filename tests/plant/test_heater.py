@@ -112,8 +112,8 @@ def test_missing_package(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda lab: lab.step_test(after=101.0), ValueError, "after must be a power from 0 to 100"),
-        (lambda lab: lab.hold(-1.0), ValueError, "power must be a power from 0 to 100"),
+        (lambda lab: lab.step_test(after=101.0), ValueError, "after must be at least 0 and at most 100"),
+        (lambda lab: lab.hold(-1.0), ValueError, "power must be at least 0"),
         (lambda lab: lab.step_test(rest=0.0), ValueError, "rest must be above 0"),
         (lambda lab: lab.step_test(sample_time=700.0), ValueError, "at least two samples"),
         (lambda lab: lab.closed_loop(pidalab.PIDA(1.0, 2.0), 40.0), TypeError, "discretise"),

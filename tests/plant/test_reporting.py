@@ -11,7 +11,6 @@ from pidalab._text import KINDS
 from pidalab.comparison.judging import DesignRow
 from pidalab.plant.fitting import fit
 from pidalab.plant.noise_curves import TradeOff, TradeOffPoint
-from pidalab.plant.page import trade_off_figure
 from pidalab.plant.reporting import REPORT_COLUMNS, Report
 from pidalab.style import LOOKS, STYLE
 
@@ -39,7 +38,7 @@ def test_every_kind_keeps_the_limits_and_a_derivative_helps(both):
         assert 1.5 * 0.999 <= row.ms_sampled <= 1.5 * (1 + 1e-6) or row.ms_worst >= 2.0 * 0.999
         loop = row.design.loop(THIRD)
         assert pidalab.noise_gain(loop, 0.2) <= 4.0 * 1.001
-        assert row.noise_gain == pytest.approx(pidalab.relative_noise_gain(loop))
+        assert row.relative_noise == pytest.approx(pidalab.relative_noise_gain(loop))
         assert row.ms_sampled < row.ms_worst <= 2.0 * (1 + 1e-6)
     assert both.rows[1].iae < both.rows[0].iae
 
@@ -87,7 +86,10 @@ def test_doubts_name_the_kinds_that_they_concern(found):
     (own,) = [doubt for row in report.rows for doubt in row.design.doubts if "a filter of" in doubt]
     assert f"PID: {own}" in report.doubts
     assert all(f"doubt: {doubt}" in str(report) for doubt in report.doubts)
-    plain, missing = found.rows, [row._replace(reason="no noise", noise_gain=np.nan) for row in found.rows]
+    plain, missing = (
+        found.rows,
+        [row._replace(reason="no noise", relative_noise=np.nan) for row in found.rows],
+    )
     assert "no noise" in report_of(*missing).doubts
     assert "PI: no noise" in report_of(missing[0], plain[1]).doubts
 
@@ -198,17 +200,17 @@ POINTS = tuple(
     for noise in (1.0, 2.0, 4.0)
 )
 RULES = (  # the limits of Ms are 1.4 and 2
-    DesignRow("first", "PI", iae_load=7.0, ms=1.3, noise_gain=1.5),
-    DesignRow("first", "PID", iae_load=6.0, ms=1.401, noise_gain=2.5),  # within a thousandth of the limit
-    DesignRow("second", "PI", iae_load=5.0, ms=1.41, noise_gain=3.5),
-    DesignRow("second", "PID", iae_load=4.0, ms=2.01, noise_gain=4.5),  # beyond both
+    DesignRow("first", "PI", iae_load=7.0, ms=1.3, relative_noise=1.5),
+    DesignRow("first", "PID", iae_load=6.0, ms=1.401, relative_noise=2.5),  # within a thousandth of the limit
+    DesignRow("second", "PI", iae_load=5.0, ms=1.41, relative_noise=3.5),
+    DesignRow("second", "PID", iae_load=4.0, ms=2.01, relative_noise=4.5),  # beyond both
     DesignRow("third", "PI", iae_load=3.0, ms=1.3),  # without noise gain
     DesignRow("third", "PID", reason="refused"),
 )
 
 
 def test_trade_off_has_each_rule_in_the_panel_of_the_least_limit_that_it_keeps():
-    figure = trade_off_figure(TradeOff(THIRD, POINTS, RULES))
+    figure = TradeOff(THIRD, POINTS, RULES).plot()
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["PI", "PID", "first", "second", "third"]
     first, second, third = (x.get_marker() for x in legend.get_lines() if x.get_marker() != "None")
@@ -228,7 +230,7 @@ def test_trade_off_has_each_rule_in_the_panel_of_the_least_limit_that_it_keeps()
 def test_verdict_and_table_have_the_numbers_of_the_rows(found):
     old, new = found.rows
     numbers = [float(x) for x in re.findall(r"\d+\.\d+", found.verdict)]
-    expected = [new.iae / old.iae, new.noise_gain / old.noise_gain, new.ms_worst, old.ms_worst]
+    expected = [new.iae / old.iae, new.relative_noise / old.relative_noise, new.ms_worst, old.ms_worst]
     assert numbers == pytest.approx(expected, abs=0.0051)
     lines = str(found).splitlines()
     assert lines[0] == f"{THIRD!r}: Ms at most 1.5"
@@ -260,5 +262,5 @@ def test_page_begins_with_safety_and_gains(found):
     assert texts["Gains and costs of each kind"] == known.verdict
     assert texts["PID"] == str(found.rows[1].design.controller)
     assert "PIDA: no controller, since not for me" in texts["Safe?"]
-    page = known.page()
+    page = known.page("A plant")
     assert page.index("Safe?") < page.index("<svg") < page.index("<details>") < page.index("<table")

@@ -66,13 +66,13 @@ def test_timid_gains_get_three_safe_sets():
     quiet = pidalab.noise_gain(found.design.loop(found.fit.process), H)
     assert best.iae < now.iae
     assert best.ms_sampled == pytest.approx(found.ms, rel=2e-3)
-    assert best.noise_gain <= now.noise_gain * 1.001
+    assert best.relative_noise <= now.relative_noise * 1.001
     assert found.loss == pytest.approx(100 * (now.iae / best.iae - 1))
     for row, ms, share in zip(sets, (1.4, 1.6, 1.8), (0.5, 1.0, 2.0), strict=True):
         loop = row.design.loop(PLANT)
         assert row.ms_sampled <= ms * 1.001
         assert pidalab.relative_noise_gain(row.design.loop(found.fit.process)) == pytest.approx(
-            row.noise_gain
+            row.relative_noise
         )
         assert pidalab.noise_gain(loop, H) <= share * quiet * 1.02
         assert pidalab.margins(pidalab.Loop(PLANT, row.design.discretise(H))).ms <= 2.0

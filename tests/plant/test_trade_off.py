@@ -10,7 +10,6 @@ from click.testing import CliRunner
 import pidalab
 from pidalab.plant.cli import main
 from pidalab.plant.noise_curves import TradeOff, TradeOffPoint
-from pidalab.plant.page import trade_off_figure
 
 PROCESS = pidalab.lags(3, delay=1.0)
 LEVELS, NOISE = (1.4, 2.0), (0.15, 0.5, 1.5)
@@ -53,7 +52,11 @@ def test_rules_lie_above_the_curve_of_their_kind(found):
     assert {row[:2] for row in found.rules} == {(r, k) for r in ("simc", "amigo") for k in ("PI", "PID")}
     for row in found.rules:
         for point in found.points:
-            if row.kind == point.kind and row.ms <= point.ms and row.noise_gain <= point.relative_noise_gain:
+            if (
+                row.kind == point.kind
+                and row.ms <= point.ms
+                and row.relative_noise <= point.relative_noise_gain
+            ):
                 assert row.iae >= point.iae * (1 - 1e-3)
 
 
@@ -73,10 +76,10 @@ def test_no_point_is_a_local_optimum():
 
 def test_page_has_the_figure(found):
     report = pidalab.report(PROCESS, kinds=("PI",), rule="simc")
-    assert report.page(traded=found).count("<figure>") == 2
-    assert report.page().count("<figure>") == 1
+    assert report.page("A", traded=found.plot()).count("<figure>") == 2
+    assert report.page("A").count("<figure>") == 1
     with pytest.raises(ValueError, match="nothing to draw"):
-        trade_off_figure(TradeOff(PROCESS, (), ()))
+        TradeOff(PROCESS, (), ()).plot()
 
 
 def test_no_point_where_no_controller_is_that_quiet():

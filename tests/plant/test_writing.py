@@ -65,15 +65,6 @@ def test_failure_leaves_the_earlier_set(tmp_path, monkeypatch, owner, name, erro
     assert (texts(folder) if before else list(tmp_path.iterdir())) == (before or [])
 
 
-def test_folders_of_killed_runs_are_removed(tmp_path):
-    for name, age in ((".pidalab-killed", 10_000), (".pidalab-running", 1)):
-        (tmp_path / name).mkdir()
-        when = (tmp_path / name).stat().st_mtime - age
-        os.utime(tmp_path / name, (when, when))
-    write_files(tmp_path, OLD)
-    assert {path.name for path in tmp_path.iterdir()} == {*OLD, ".pidalab-running"}
-
-
 def test_folder_in_place_of_a_file_is_refused(tmp_path):
     write_files(tmp_path, OLD)
     (tmp_path / "report.html").mkdir()

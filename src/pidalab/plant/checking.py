@@ -11,7 +11,7 @@ import numpy as np
 
 from pidalab import _check
 from pidalab._text import KINDS
-from pidalab.comparison.judging import DesignRow, one_line, text_table
+from pidalab.comparison.judging import DesignRow, text_table
 from pidalab.controllers import HighOrderPID
 from pidalab.controllers.base import Controller
 from pidalab.loop import Loop
@@ -20,12 +20,12 @@ from pidalab.plant.fitting import Fit, fit
 from pidalab.plant.fitting.uncertainty import rough, samples_per_error
 from pidalab.plant.record import Record
 from pidalab.plant.record.cleaning import FEWEST
-from pidalab.plant.reporting import measure_candidate
+from pidalab.plant.reporting import measure_candidate, tuned_row
 from pidalab.plant.safety import LoopEvaluator
-from pidalab.plant.tuning import tune
 from pidalab.process import Process, sign_of_gain
 from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
+from pidalab.simulation.exact import simulate
 
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
 PLANTS_JUDGED = 60  # plants for the interval of Ms; with fewer the largest Ms is too often below the true one
@@ -39,7 +39,7 @@ CHECK_COLUMNS = {
     "IAE load": "iae_load",
     "Ms": "ms_sampled",
     "worst Ms": "ms_worst",
-    "rel. noise": "noise_gain",
+    "rel. noise": "relative_noise",
 }
 
 
@@ -86,23 +86,19 @@ class Check:
         rows, noise = [now], math.nan
         if now.applies:
             noise = sampled_noise(self.design.loop(self.fit.process), self.sample_time)[0]
+        asked: list[tuple[str, Process | Fit, float, float]] = [
+            (name, self.fit, min(ms, self.ms_worst), share * noise) for name, (ms, share) in SETS.items()
+        ]
         if not math.isnan(noise) and math.isfinite(self.ms):
-            rows.append(self._row("best like it", kind, self.fit.process, self.ms, noise))
-        for name, (ms, share) in SETS.items():
-            rows.append(self._row(name, kind, self.fit, min(ms, self.ms_worst), share * noise))
+            asked.insert(0, ("best like it", self.fit.process, self.ms, noise))
+        h, evaluator = self.sample_time, LoopEvaluator(self.sample_time, None)
+        for name, plant, ms, gain in asked:
+            limits = {"ms": ms, "ms_worst": self.ms_worst, "noise_gain": None if math.isnan(gain) else gain}
+            row = tuned_row(name, kind, plant, self.fit, sample_time=h, **limits)
+            if row.design is not None:
+                row = row._replace(ms_worst=evaluator.worst(row.design, self.plants).ms)
+            rows.append(row)
         return tuple(rows)
-
-    def _row(self, name: str, kind: str, plant: Process | Fit, ms: float, noise: float) -> DesignRow:
-        limits: dict[str, Any] = {
-            "noise_gain": None if math.isnan(noise) else noise,
-            "ms_worst": self.ms_worst,
-        }
-        try:
-            design = tune(plant, kind, ms=ms, sample_time=self.sample_time, **limits)
-        except ValueError as refusal:
-            return DesignRow(name, kind, reason=one_line(refusal))
-        worst = LoopEvaluator(self.sample_time, None).worst(design, self.plants).ms
-        return measure_candidate(design, name, kind, self.fit)._replace(ms_worst=worst)
 
     @property
     def loss(self) -> float:
@@ -291,8 +287,6 @@ def _fitted(record: Record, model: str) -> Fit:
 
 def _biased(fitted: Fit, loop: Loop) -> list[str]:
     """Doubt a log in which slow disturbances, fed back by the controller, make much of the movement of u."""
-    from pidalab.simulation.exact import simulate
-
     record, residuals = fitted.record, fitted.residuals
     if samples_per_error(residuals) < COLOURED:
         return []

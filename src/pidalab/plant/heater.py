@@ -21,8 +21,6 @@ from pidalab.digital import DigitalController
 from pidalab.plant.record import Record
 from pidalab.response import Response
 
-FULL_POWER = 100.0  # per cent of a heater's power
-
 
 class Lab:
     """A Temperature Control Lab, real or simulated. As a context manager it turns the heaters off at the end.
@@ -54,19 +52,14 @@ class Lab:
         try:
             import tclab  # type: ignore[import-untyped]
         except ImportError:
-            needed = (
-                "the Temperature Control Lab needs the package tclab, also for simulation: pip install tclab"
-            )
-            raise ImportError(needed) from None
+            needed = "the Temperature Control Lab needs the package tclab, also for simulation"
+            raise ImportError(f"{needed}: pip install tclab") from None
         self.connected = connected
         self._random = random.Random(_check.integer("seed", seed, at_least=0)).getstate()
         self._labtime = tclab.labtime
-        if connected:
-            self._device = tclab.TCLab()
-        else:
-            with _silent():
-                self._device = tclab.TCLabModel(synced=False)
-            self._now = self._device.tlast  # its clock need not begin at 0
+        with _silent():
+            self._device = tclab.TCLab() if connected else tclab.TCLabModel(synced=False)
+        self._now = 0.0 if connected else self._device.tlast  # its clock need not begin at 0
 
     def __enter__(self) -> Lab:
         return self
@@ -82,7 +75,7 @@ class Lab:
         >>> from pidalab.plant.heater import Lab
         >>> Lab().close()
         """
-        with contextlib.nullcontext() if self.connected else _silent():
+        with _silent():
             self._device.close()
 
     def hold(self, power: float = 0.0, duration: float = 1200.0) -> None:
@@ -105,7 +98,7 @@ class Lab:
         >>> from pidalab.plant.heater import Lab
         >>> Lab().hold(30.0, duration=600.0)
         """
-        _require_power("power", power)
+        power = _power("power", power)
         duration = _check.real("duration", duration, above=0.0)
         self._run(np.array([0.0, duration / 2]), lambda k, measured: power, np.zeros(2))
 
@@ -147,11 +140,9 @@ class Lab:
         >>> print(Lab().step_test(duration=300.0).y.size)
         361
         """
-        _require_power("before", before)
-        _require_power("after", after)
         rest = _check.real("rest", rest, above=0.0)
         t = _times(sample_time, rest + _check.real("duration", duration, above=0.0))
-        powers = np.where(t < rest, before, after)
+        powers = np.where(t < rest, _power("before", before), _power("after", after))
         u, y = self._run(t, lambda k, measured: float(powers[k]), np.zeros(t.size))
         return Record(t, u, y)
 
@@ -236,9 +227,9 @@ class Lab:
             random.setstate(others)
 
 
-def _require_power(name: str, power: float) -> None:
-    if not 0 <= _check.real(name, power) <= FULL_POWER:
-        raise ValueError(f"{name} must be a power from 0 to 100 per cent, found {power!r}")
+def _power(name: str, power: float) -> float:
+    """Check a power in per cent."""
+    return _check.real(name, power, at_least=0.0, at_most=100.0)
 
 
 def _times(sample_time: float, duration: float) -> Array:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pidalab import _check
 from pidalab._text import KINDS, set_out
@@ -16,9 +22,12 @@ from pidalab.relative_noise import noise_scale
 from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER
+from pidalab.style import GREY, LOOKS, STYLE
 
 NOISE_SHARES = (0.1, 0.25, 0.6, 1.5, 3.0)  # limits of the relative noise gain
 DRAWN_RULES = ("simc", "amigo", "haalman", "lambda", "magnitude optimum")
+RULE_MARKERS = "os^Dv*P"
+FITS = 1.001  # ratio of Ms to its limit up to which a rule is in a panel
 
 
 class TradeOffPoint(NamedTuple):
@@ -45,7 +54,7 @@ class TradeOffPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class TradeOff:
-    """Result of `trade_off`. `Report.plot_trade_off` draws it.
+    """Result of `trade_off`.
 
     Attributes
     ----------
@@ -54,7 +63,7 @@ class TradeOff:
     points : tuple of TradeOffPoint
         The curves, ordered by Ms, kind and noise. There is no point where no controller keeps both limits.
     rules : tuple of DesignRow
-        Rules with their relative noise gain, or the reason why they do not apply.
+        Rules, or the reason why they do not apply.
     """
 
     process: Process
@@ -83,6 +92,54 @@ class TradeOff:
         ['4.60', '4.60']
         """
         return [point for point in self.points if (point.kind, point.ms) == (kind, ms)]
+
+    def plot(self) -> Figure:
+        """Draw the least IAE over the relative noise gain, with the rules as markers.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A panel for each limit of Ms, with the rules that keep no lower limit.
+
+        Raises
+        ------
+        ValueError
+            If no controller keeps the limits.
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> traded = pidalab.trade_off(pidalab.lags(3, delay=1.0), [1.6], limits=[0.2, 0.6], kinds=["PI"])
+        >>> len(traded.plot().axes)
+        1
+        """
+        levels = list(dict.fromkeys(point.ms for point in self.points))
+        kinds = list(dict.fromkeys(point.kind for point in self.points))
+        if not levels:
+            raise ValueError("there is nothing to draw: no controller keeps the limits")
+        names = dict.fromkeys(row.rule for row in self.rules)
+        marks = dict(zip(names, itertools.cycle(RULE_MARKERS), strict=False))
+        with rc_context(STYLE):  # type: ignore[arg-type]
+            drawn = Figure(figsize=(6.4, 4.2))
+            axes = np.atleast_1d(drawn.subplots(1, len(levels), sharex=True, sharey=True))
+            for ax, ms, calmer in zip(axes, levels, [0.0, *levels], strict=False):
+                for kind in kinds:
+                    points = [(p.relative_noise_gain, p.iae) for p in self.curve(kind, ms)]
+                    ax.loglog(*np.reshape(points, (-1, 2)).T, **LOOKS[kind], label=kind)
+                for row in self.rules:
+                    if (
+                        row.applies
+                        and calmer * FITS < row.ms <= ms * FITS
+                        and not math.isnan(row.relative_noise)
+                    ):
+                        look = {"color": LOOKS[row.kind]["color"], "marker": marks[row.rule], "linestyle": ""}
+                        ax.plot([row.relative_noise], [row.iae], markersize=6, **look)
+                ax.set(title=f"Ms at most {ms:g}", xlabel="relative noise gain")
+            axes[0].set(ylabel="IAE of a load step")
+            handles, labels = axes[0].get_legend_handles_labels()
+            handles += [Line2D([], [], color=GREY, marker=mark, linestyle="") for mark in marks.values()]
+            drawn.legend(handles, [*labels, *marks], loc="outside upper left", ncols=3)
+        return drawn
 
     def __str__(self) -> str:
         kinds = list(dict.fromkeys(point.kind for point in self.points))
@@ -152,19 +209,18 @@ def trade_off(
     scale = noise_scale(process)
     gains = {limit * scale.gain: limit for limit in allowed}
     wanted = sorted(dict.fromkeys(kinds), key=ORDER.__getitem__)
-    curves = {}
-    if wanted:
-        noise: dict[str, Any] = {"noise_gains": list(gains), "sample_time": scale.sample_time}
-        curves = find_curves(process, ORDER[wanted[-1]], ms=levels, **noise)
+    h, noise = scale.sample_time, list(gains)
+    curves = (
+        find_curves(process, ORDER[wanted[-1]], ms=levels, noise_gains=noise, sample_time=h) if wanted else {}
+    )
     points = [
         TradeOffPoint(kind, level, limit, design.iae, design)
-        for level, kind, (gain, limit) in product(levels, wanted, gains.items())
+        for level, kind, (gain, limit) in itertools.product(levels, wanted, gains.items())
         if (design := curves.get((ORDER[kind], level, gain))) is not None
     ]
-    middle = list(gains)[len(gains) // 2]
-    requirements = Requirements(ms=levels[0], noise_gain=middle, sample_time=scale.sample_time)
+    requirements = Requirements(ms=levels[0], noise_gain=noise[len(noise) // 2], sample_time=h)
     horizon = first_horizon(process)
-    candidates = designs(process, requirements, rules)
-    rows = [measure_row(*candidate, process, scale.sample_time, horizon) for candidate in candidates]
-    rows = [row._replace(noise_gain=row.noise_gain / scale.gain) for row in rows if row.kind in wanted]
-    return TradeOff(process, tuple(points), tuple(rows))
+    rows = [
+        measure_row(*candidate, process, h, horizon) for candidate in designs(process, requirements, rules)
+    ]
+    return TradeOff(process, tuple(points), tuple(row for row in rows if row.kind in wanted))

@@ -26,8 +26,6 @@ from pidalab.rules.registry import ORDER
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pidalab.plant.noise_curves import TradeOff
-
 SAFE = 2.001  # largest worst Ms of a loop that is called safe
 REPORT_HORIZON = 20.0  # of the first responses, in time scales of the process
 MEASURES = {  # attributes of a row, with their names and meanings
@@ -41,7 +39,7 @@ MEASURES = {  # attributes of a row, with their names and meanings
     "peak": ("peak", "largest error after that step"),
     "overshoot": ("overshoot %", "after a step of the set point"),
     "mks": ("max |CS|", "largest gain from measurement noise to u, over all frequencies"),
-    "noise_gain": (
+    "relative_noise": (
         "relative noise gain",
         "standard deviation of u over that of the noise and the ultimate gain",
     ),
@@ -81,7 +79,7 @@ class Report:
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
         for row, design in designs:
-            incomplete = row.reason and (not row.applies or math.isnan(row.noise_gain))
+            incomplete = row.reason and (not row.applies or math.isnan(row.relative_noise))
             for doubt in (*design.info.get("doubts", ()), *([row.reason] if incomplete else [])):
                 kinds.setdefault(doubt, []).append(row.kind)
         common = {0, len(designs)}
@@ -93,7 +91,7 @@ class Report:
         """A sentence on what each kind gains over the one before it, and what it costs."""
         return "\n".join(
             f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, relative noise gain "
-            f"{new.noise_gain / old.noise_gain:.2f} times"
+            f"{new.relative_noise / old.relative_noise:.2f} times"
             + ("" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}")
             for old, new in pairwise(row for row in self.rows if row.applies)
         )
@@ -118,19 +116,30 @@ class Report:
 
     def __str__(self) -> str:
         lines = [f"{self.process!r}: Ms at most {self.ms:g}", *self.safety.splitlines()]
-        kinds, *table = self._table()
+        kinds, *table = self.table()
         lines += [set_out(row[:-1], (20, *[11] * (len(kinds) - 2))) for row in (kinds, *table)]
         return with_doubts("\n".join([*lines, *self.verdict.splitlines()]), self.doubts)
 
     def _repr_html_(self) -> str:
-        head, *rows = ([html.escape(cell) for cell in row] for row in self._table())
+        head, *rows = ([html.escape(cell) for cell in row] for row in self.table())
         lines = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
         lines += ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows]
         reasons = (f"<p>{html.escape(f'{row.kind}: {row.reason}')}</p>" for row in self.rows if row.reason)
         return "<table>" + "\n".join(lines) + "</table>" + "".join(reasons)
 
-    def _table(self) -> list[list[str]]:
-        """Rows of a table: a measure each, with a value for each kind and the meaning."""
+    def table(self) -> list[list[str]]:
+        """Return the head and the rows of a table: a measure each, with a value for each kind and the meaning.
+
+        Returns
+        -------
+        list of list of str
+
+        Examples
+        --------
+        >>> import pidalab
+        >>> pidalab.report(pidalab.lags(3, delay=1.0), kinds=("PI",), rule="simc").table()[1][:2]
+        ['Ms', '1.533']
+        """
         lines = [["", *(row.kind for row in self.rows), ""]]
         for x, (name, meaning) in MEASURES.items():
             values = [getattr(row, x) for row in self.rows]
@@ -162,13 +171,7 @@ class Report:
 
         return figure(self.process, self.ms, self.rows, self.plants)
 
-    def html(
-        self,
-        path: str | Path,
-        title: str = "PI, PID and PIDA",
-        sections: Sequence[tuple[str, str]] | None = None,
-        folded: Sequence[tuple[str, str]] | None = None,
-    ) -> Path:
+    def html(self, path: str | Path, title: str = "PI, PID and PIDA") -> Path:
         """Write a page that needs no other file.
 
         Parameters
@@ -177,9 +180,6 @@ class Report:
             Where to.
         title : str, optional
             Its heading.
-        sections, folded : sequence of (str, str), optional
-            Headings and texts before the figure, and folded ones after it. By default safety, gains and doubts come
-            first, model and record last.
 
         Returns
         -------
@@ -194,23 +194,20 @@ class Report:
         True
         """
         path = Path(path)
-        return write_files(path.parent, {path.name: self.page(title, sections, folded)}, replace=True)[0]
+        return write_files(path.parent, {path.name: self.page(title)}, replace=True)[0]
 
-    def page(
-        self,
-        title: str = "PI, PID and PIDA",
-        sections: Sequence[tuple[str, str]] | None = None,
-        folded: Sequence[tuple[str, str]] | None = None,
-        traded: TradeOff | None = None,
-    ) -> str:
+    def page(self, title: str, *sections: Sequence[tuple[str, str]], traded: Figure | None = None) -> str:
         """Return the page that `html` writes.
 
         Parameters
         ----------
-        title, sections, folded : optional
-            As for `html`.
-        traded : TradeOff, optional
-            The trade-off of the plant, of `pidalab.trade_off`, as a second figure.
+        title : str
+            Its heading.
+        *sections : sequence of (str, str), optional
+            Headings and texts before the figure, and folded ones after it. By default safety, gains and doubts come
+            first, model and record last.
+        traded : matplotlib.figure.Figure, optional
+            A second figure: the trade-off of the plant, from `pidalab.trade_off`.
 
         Returns
         -------
@@ -225,40 +222,8 @@ class Report:
         """
         from pidalab.plant.page import page
 
-        usual = self.sections()
-        first, last = (usual[k] if own is None else own for k, own in enumerate((sections, folded)))
+        first, last = sections or self.sections()
         return page(title, self._repr_html_(), self.plot(), first, last, traded)
-
-    def plot_trade_off(self, traded: TradeOff | None = None) -> Figure:
-        """Draw the least IAE over the noise gain at two limits of Ms, for PI, PID and PIDA, with rules as markers.
-
-        Parameters
-        ----------
-        traded : TradeOff, optional
-            By default `pidalab.trade_off` of the process of this report.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            A panel for each limit of Ms.
-
-        Raises
-        ------
-        ValueError
-            As for `pidalab.trade_off`, and if no controller keeps the limits.
-
-        Examples
-        --------
-        >>> import pidalab
-        >>> process = pidalab.lags(3, delay=1.0)
-        >>> traded = pidalab.trade_off(process, [1.6], limits=[0.2, 0.6], kinds=["PI"])
-        >>> len(pidalab.report(process, kinds=("PI",), rule="simc").plot_trade_off(traded).axes)
-        1
-        """
-        from pidalab.plant.noise_curves import trade_off
-        from pidalab.plant.page import trade_off_figure
-
-        return trade_off_figure(trade_off(self.process) if traded is None else traded)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
         """Return headings and texts of the page before the figure, and folded ones after it.
@@ -331,31 +296,28 @@ def report(
     fitted = fit(model) if isinstance(model, Record) else model
     options: dict[str, Any] = {"ms": ms, "noise_gain": noise_gain, "sample_time": sample_time, "rule": rule}
     options |= {"spread": spread, "output_filter": output_filter, "ms_worst": ms_worst}
-    rows = []
-    for kind in wanted:
-        try:
-            design = tune(fitted, kind, **options)
-        except ValueError as refusal:
-            rows.append(DesignRow(rule, kind, reason=one_line(refusal)))
-        else:
-            rows.append(measure_candidate(design, rule, kind, fitted))
+    rows = [tuned_row(rule, kind, fitted, fitted, **options) for kind in wanted]
     if all(row.design is None for row in rows):
         raise ValueError(rows[0].reason)
     process, known = (fitted.process, fitted) if isinstance(fitted, Fit) else (fitted, None)
     return Report(process, known, ms, tuple(rows), tuple(plants_within(fitted, process, spread)))
 
 
+def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
+    """Tune for a plant and measure with a model; the row of a refused design has the reason."""
+    try:
+        design = tune(plant, kind, **options)
+    except ValueError as refusal:
+        return DesignRow(name, kind, reason=one_line(refusal))
+    return measure_candidate(design, name, kind, model)
+
+
 def measure_candidate(design: Design, rule: str, kind: str, model: Process | Fit) -> DesignRow:
-    """Measure a design of `tune` with the model. Its noise gain is the relative one."""
+    """Measure a design of `tune` with the model."""
     process = model.process if isinstance(model, Fit) else model
     try:
-        scale = noise_scale(process)
+        sample_time = noise_scale(process).sample_time
     except ValueError:  # the process is a pure integrator
-        scale = None
-    sample_time = scale.sample_time if scale else None
+        sample_time = None
     row = measure_row(rule, kind, lambda: design, process, sample_time, REPORT_HORIZON * time_scale(process))
-    if not row.applies:
-        return row
-    if scale:
-        row = row._replace(noise_gain=row.noise_gain / scale.gain)
-    return row._replace(**{name: design.info.get(name, math.nan) for name in TUNED})
+    return row._replace(**{name: design.info.get(name, math.nan) for name in TUNED}) if row.applies else row

@@ -12,14 +12,14 @@ import numpy as np
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
 from pidalab.requirements import Requirements
+from pidalab.robustness.margins import max_sensitivity
+from pidalab.robustness.poles import is_stable
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_iae
 
 PRICE_LIMIT = 3.0  # price of robustness in IAE that is refused
-MET, STILL_KEPT = (
-    1e-3,
-    1e-6,
-)  # relative distances below and above a limit, for a design that meets or keeps it
+# relative distances below and above a limit, for a design that meets or keeps it
+MET, STILL_KEPT = 1e-3, 1e-6
 MOST_CORRECTIONS = 20  # of the request
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # of Ms - 1, in one correction
 
@@ -84,9 +84,6 @@ class LoopEvaluator:
 
 def ms_or_infinite(loop: Loop) -> float:
     """Return the maximum sensitivity, infinite if unstable."""
-    from pidalab.robustness.margins import max_sensitivity
-    from pidalab.robustness.poles import is_stable
-
     return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 

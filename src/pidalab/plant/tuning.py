@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pidalab import _check
+from pidalab import _check, optimal
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.plant.doubts import doubt
@@ -18,15 +18,15 @@ from pidalab.plant.record import Record
 from pidalab.plant.safety import Designer, LoopEvaluator, make_safe, refusal
 from pidalab.process import Process, rational, require_no_zero_at_origin, sign_of_gain
 from pidalab.requirements import Requirements
+from pidalab.robustness.margins import gain_crossovers, max_control_sensitivity, max_sensitivity
+from pidalab.robustness.poles import is_stable
 from pidalab.roots import roots
 from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
+from pidalab.simulation.exact import load_iae
 
-# longest sample time, over the sum of lags and dead time: the plant then answers by 63 % or more within one sample
-LONGEST_SAMPLE = 1.0
-AT_REST = (
-    10.0  # the same over the longest time of an integrating plant: all but the integrator is then at rest
-)
+# longest sample time over the longest time of an integrating plant: all but the integrator is then at rest
+AT_REST = 10.0
 OTHER_UNIT = 100.0  # ratio of sample times from which on they may be in different units
 DEFAULT_MKS = 10.0  # default limit of the gain from noise to u, in units of `_gain_needed`
 DEFAULT_NOISE_SHARE = 0.01  # standard deviation of u by noise, as a share of the input's step in a record
@@ -34,31 +34,26 @@ MOST_MS = 5.0
 PHASE_UNKNOWN = 1e-3  # phase in rad that no model is accurate to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 PRICE_WARNING = 1.5  # price of robustness in IAE from which on it is doubted
+REMEDIES = (  # that make a process, or a fit, more certain
+    "a smaller spread would help",
+    "a longer record, a larger step or several of them, or less noise would help",
+)
 LONG_TURN = 0.5  # phase of the crossover in a sample, in rad, above which the sampling is too slow
 
 
 def require_sampling(process: Process, sample_time: float) -> None:
     """Refuse a sample time within which the process has done most of its answer."""
-    times = [1 / speed for speed in corner_frequencies(process)]
-    poles = np.abs(roots(process.den))
-    if np.isfinite(process.gain()):
-        limit = LONGEST_SAMPLE * (float(np.sum(1 / poles)) + process.delay) if times else math.inf
-        why = "all its lags and its dead time, after which it has answered by 63 % or more"
-    else:
-        limit = AT_REST * max(times, default=math.inf)
+    poles, corners = np.abs(roots(process.den)), corner_frequencies(process)
+    if not np.isfinite(process.gain()):
+        limit = AT_REST / corners.min() if corners.size else math.inf
         why = f"{AT_REST:g} times its longest time (after which all but the integrator is at rest)"
+    else:
+        limit = float(np.sum(1 / poles)) + process.delay if corners.size else math.inf
+        why = "all its lags and its dead time, after which it has answered by 63 % or more"
     if sample_time > limit:
         raise ValueError(
             f"sample_time must be at most {limit:.4g} for this process, {why}, found {sample_time:g}"
         )
-
-
-def doubt_unit(sample_time: float, recorded: float) -> list[str]:
-    """Doubt a sample time that is so far from that of the record that it may be in another unit."""
-    share = sample_time / recorded
-    if 1 / OTHER_UNIT < share < OTHER_UNIT:
-        return []
-    return [doubt("time unit", sample_time=sample_time, share=share, recorded=recorded)]
 
 
 def corner_frequencies(process: Process) -> Array:
@@ -139,18 +134,20 @@ def tune(
             "close to instability"
         )
     named = None if rule == "optimal" else find(rule, "optimal")
-    if sample_time is not None:
-        sample_time = _check.real("sample_time", sample_time, above=0.0)
     process = model.process if isinstance(model, Fit) else model
     if isinstance(process, Record):
         raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
     require_no_zero_at_origin("model", process)
     if sample_time is not None:
+        sample_time = _check.real("sample_time", sample_time, above=0.0)
         require_sampling(process, sample_time)
     doubts: list[str] = []
     notes: list[str] = []
     if isinstance(model, Fit) and sample_time is not None:
-        doubts += doubt_unit(sample_time, model.record.sampling)
+        share = sample_time / model.record.sampling
+        if not 1 / OTHER_UNIT < share < OTHER_UNIT:
+            values = {"share": share, "recorded": model.record.sampling}
+            doubts.append(doubt("time unit", sample_time=sample_time, **values))
     process = _without_short_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, to refuse a spread out of range at once
     plants = plants_within(model, process, spread)
@@ -159,7 +156,10 @@ def tune(
             f"ms must be at most ms_worst, {ms_worst:g}, found {ms:g}: with the model, as with any other plant of the "
             "spread"
         )
-    limits, remedy = Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst), _remedy(model)
+    limits, remedy = (
+        Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst),
+        REMEDIES[isinstance(model, Fit)],
+    )
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
             f"the sign of the gain is not settled, and no controller is stable with both signs: {remedy}"
@@ -184,20 +184,16 @@ def tune(
         doubts.append(doubt("price", price=price, remedy=remedy))
     loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
-    reasons: list[str] = []  # why a sampled loop has no Ms
+    reasons = ["", ""]  # why a sampled loop has no Ms
     if sample_time is not None:
-        info["ms_sampled"], reason = evaluator.ms(made, process)
-        reasons.append(reason)
+        info["ms_sampled"], reasons[0] = evaluator.ms(made, process)
         _doubt_sampling(loop, sample_time, doubts)
     if plants:
-        info["ms_worst"], reason = evaluator.worst(made, plants)
-        reasons.append(reason)
+        info["ms_worst"], reasons[1] = evaluator.worst(made, plants)
         # of one plant only: simulating all twenty would take longer than the search
         worst = max(plants, key=lambda plant: evaluator.ms(made, plant).ms)
-        info["iae_worst"] = _iae_ms_mks(evaluator.loop(made, worst))["iae"]
-        info["price"] = price
-    info["notes"] = tuple(notes)
-    info["doubts"] = (*doubts, *dict.fromkeys(filter(None, reasons)))
+        info |= {"iae_worst": _iae_ms_mks(evaluator.loop(made, worst))["iae"], "price": price}
+    info |= {"notes": tuple(notes), "doubts": (*doubts, *dict.fromkeys(filter(None, reasons)))}
     return Design(process, made.controller, made.prefilter, loop.output_filter, made.source, info)
 
 
@@ -206,13 +202,6 @@ def _as_designed_for(process: Process, sample_time: float | None, output_filter:
     num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
     delay = process.delay + (sample_time or 0.0) / 2
     return Process(np.convolve(process.num, num), np.convolve(process.den, den), delay)
-
-
-def _remedy(model: Process | Fit) -> str:
-    """Return advice that makes a model more certain."""
-    if isinstance(model, Fit):
-        return "a longer record, a larger step or several of them, or less noise would help"
-    return "a smaller spread would help"
 
 
 def _by_rule(
@@ -255,36 +244,29 @@ def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
 
 
 def _noise_limits(
-    model: Process | Fit,
-    designed: Process,
-    noise_gain: float | None,
-    sample_time: float | None,
-    notes: list[str],
+    model: Process | Fit, designed: Process, noise_gain: float | None, h: float | None, notes: list[str]
 ) -> dict[str, Any]:
     """Return the limits of noise. A default is noted."""
-    if noise_gain is None and isinstance(model, Fit) and model.noise > 0 and model.record.steps:
+    if noise_gain is not None:
+        if h is None:
+            raise ValueError(
+                "sample_time must be given with noise_gain: sampled noise has no size without it"
+            )
+        return {"noise_gain": noise_gain, "sample_time": h}
+    if isinstance(model, Fit) and model.noise > 0 and model.record.steps:
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
-        noise_gain, sample_time = (
-            DEFAULT_NOISE_SHARE * moved / model.noise,
-            sample_time or model.record.sampling,
-        )
+        most = DEFAULT_NOISE_SHARE * moved / model.noise
         notes.append(
-            f"noise gain at most {noise_gain:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
+            f"noise gain at most {most:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
         )
-    elif noise_gain is None:
-        mks = DEFAULT_MKS * _gain_needed(designed)
-        notes.append(
-            f"gain from noise to u at most {mks:.3g} at any frequency (mks), since no limit was given"
-        )
-        return {"mks": mks}  # the sample time matters for noise only
-    elif sample_time is None:
-        raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
-    return {"noise_gain": noise_gain, "sample_time": sample_time}
+        return {"noise_gain": most, "sample_time": h or model.record.sampling}
+    mks = DEFAULT_MKS * _gain_needed(designed)  # at any frequency, so the sample time does not matter
+    notes.append(f"gain from noise to u at most {mks:.3g} at any frequency (mks), since no limit was given")
+    return {"mks": mks}
 
 
 def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
     """Return the search for the least IAE, with the family as the design needs it."""
-    from pidalab import optimal
 
     def make(request: Requirements, near: Design | None) -> tuple[Design, Any]:
         family = tuple(others) if request.family else ()
@@ -304,8 +286,6 @@ def _without_short_delay(process: Process, fastest: float, doubts: list[str]) ->
 
 def _highest_crossover(loop: Loop) -> float:
     """Return the highest gain crossover, 0 if there is none."""
-    from pidalab.robustness.margins import gain_crossovers
-
     return float(gain_crossovers(loop).max(initial=0.0))
 
 
@@ -360,13 +340,8 @@ def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: l
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:
     """Return Ms, mks and the IAE of a load step, infinite for an unstable loop."""
-    from pidalab.robustness import max_control_sensitivity
-    from pidalab.robustness.margins import max_sensitivity
-    from pidalab.robustness.poles import is_stable
-    from pidalab.simulation.exact import load_iae
-
     if not is_stable(loop):
-        return {"iae": math.inf, "ms": math.inf, "mks": math.inf}
+        return dict.fromkeys(("iae", "ms", "mks"), math.inf)
     return {"iae": load_iae(loop), "ms": max_sensitivity(loop)[0], "mks": max_control_sensitivity(loop)[0]}
 
 

@@ -11,8 +11,10 @@ from scipy.optimize import brentq
 
 from pidalab import _check
 from pidalab.controllers import PIDA
+from pidalab.loop import Loop
 from pidalab.plant.doubts import doubt, with_doubts
 from pidalab.plant.record.cleaning import column
+from pidalab.plant.safety import ms_or_infinite
 from pidalab.process import Process, fopdt, ipdt, lags
 
 # kp/Ku, ti/Tu and td/Tu
@@ -156,9 +158,6 @@ def rule_table(ku: float, tu: float) -> list[tuple[str, str, PIDA, list[float]]]
     >>> rule, kind, round(controller.kp, 3), controller.ti
     ('Tyreus-Luyben', 'PI', 0.625, 22.0)
     """
-    from pidalab.loop import Loop
-    from pidalab.plant.safety import ms_or_infinite
-
     models = models_of(ku, tu).values()
     table = []
     for (rule, kind), (kp, ti, td) in RULES.items():

@@ -5,12 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 PREFIX = ".pidalab-"  # of the hidden folder for files that are not yet renamed
-ABANDONED = 600.0  # age of such a folder, in seconds, from which its run must have been killed
 
 
 def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:
@@ -40,8 +38,7 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
     Notes
     -----
     The files are first written into a hidden folder beside their places, and renamed when the last one is on the disk.
-    If the renaming is interrupted, also by Ctrl-C, earlier contents are restored. Hidden folders of killed runs are
-    removed by a later call.
+    If the renaming is interrupted, also by Ctrl-C, earlier contents are restored.
 
     Examples
     --------
@@ -60,9 +57,6 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path in folder.glob(f"{PREFIX}*"):
-            if path.is_dir() and time.time() - path.stat().st_mtime > ABANDONED:
-                shutil.rmtree(path, ignore_errors=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=PREFIX) as hidden:
             for name, text in texts.items():
                 with Path(hidden, name).open("w", encoding="utf-8", newline="\n") as file:

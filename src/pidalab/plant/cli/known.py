@@ -54,7 +54,7 @@ def rules_command() -> None:
 @click.option("--ku", type=float, help="Ultimate gain, in units of u per unit of y.")
 @click.option("--tu", type=float, help="Ultimate period; every time is in its unit.")
 @dialogue.columns
-def rule_command(relay: Path | None, ku: float | None, tu: float | None, **columns: str | int) -> None:
+def rule_command(relay: Path | None, ku: float | None, tu: float | None, **columns: str | int | None) -> None:
     """List the gains that rules give for an ultimate gain and period, or for a RELAY record.
 
     Each controller is shown with its Ms on models that have this ultimate gain and period.
@@ -64,16 +64,11 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
       pidalab rule --ku 250 --tu 7200
       pidalab rule relay.csv --time time --u heater --y temperature
     """
-    from pidalab.plant.record.reading import ROLES, read_columns
+    from pidalab.plant.record.reading import read_columns
     from pidalab.plant.ultimate import models_of, relay_oscillation, rule_table
 
     if relay is not None and ku is None and tu is None:
-        wave = relay_oscillation(
-            *read_columns(
-                relay,
-                [default if columns[role] is None else columns[role] for role, default in ROLES.items()],
-            ).values
-        )
+        wave = relay_oscillation(*read_columns(relay, columns).values)
         ku, tu = wave.ku, wave.tu
         click.echo(str(wave))
     elif relay is not None or ku is None or tu is None:

@@ -77,15 +77,16 @@ def report_command(out: Path | None, force: bool, trade_off: bool, **options: An
     fitted = fit_record(options)
     with dialogue.progress("searching for a PI, a PID and a PIDA"):
         candidates = pidalab.report(fitted, **{name: options[name] for name in TUNING})
-    sections, traded = [("Candidates", str(candidates))], None
+    sections, figure = [("Candidates", str(candidates))], None
     if trade_off:
         with dialogue.progress("searching for the trade-off"):
             traded = pidalab.trade_off(candidates.process)
         sections.append(("Trade-off", str(traded)))
+        figure = traded.plot()
     dialogue.show([*sections, ("Model", str(fitted)), ("Record", str(fitted.record))])
     if out is not None:
         title = f"PI, PID and PIDA for {plain_text(options['record'].name)}"
-        dialogue.write(out.parent, {out.name: candidates.page(title, traded=traded)}, force)
+        dialogue.write(out.parent, {out.name: candidates.page(title, traded=figure)}, force)
 
 
 @dialogue.main.command("tune")
@@ -104,8 +105,6 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     Example:
       pidalab tune step.csv --time time --u valve --y level --kind PIDA --ms 1.6 --sample-time 0.2 --out folder
     """
-    from pidalab.plant.reporting import MEASURES
-
     h, low, high = (options[x] for x in ("sample_time", "u_min", "u_max"))
     fitted = fit_record(options)
     record = fitted.record
@@ -116,9 +115,8 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     digital = _digital(row.design, record, options)
     sampled = pidalab.margins(pidalab.Loop(fitted.process, digital))
     measured = [
-        f"{name}: {value:.4g}" + f" ({meaning})" * (name != "worst Ms")
-        for x, (name, meaning) in MEASURES.items()
-        if not math.isnan(value := getattr(row, x))
+        f"{name}: {value}" + f" ({meaning})" * (name != "worst Ms")
+        for name, value, meaning in candidates.table()[1:]
     ]
     way = "up" if fitted.parameters["gain"] > 0 else "down"
     start = START.format(sample_time=h, way=way, overshoot=row.overshoot, twice=2 * max(row.overshoot, 5.0))

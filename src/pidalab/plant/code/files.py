@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,6 +20,7 @@ from pidalab.digital.languages import PYTHON, Language, function, method, statem
 from pidalab.digital.parameters import LARGEST_SIGNAL, Parameters
 from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
 from pidalab.plant.code.words import identifier
+from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # further samples with the measurement far above the set point, then far below
@@ -28,21 +29,7 @@ INVALID = (12, 15)  # samples with an invalid measurement, in manual mode and no
 INVALID_MEASUREMENT = 1e30  # single precision can hold it, too
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # characters of a line
 MOST_NOTES, LONGEST_NOTE = 40, 500  # lines of a note and their characters
-OUTPUTS = ("control", "fault", "at_limit")  # states that are outputs of the function block
 PRECISIONS = ("double", "single")
-USAGE = (
-    "With manual, the control signal is manual_value, within the limits.",
-    "With tracking, track_value is the signal that acted since the last sample in place of the control signal.",
-    "At the first sample the controller starts from track_value, without a bump.",
-    "A sample with an input that is NaN, infinite or beyond 1e9 in size is skipped: fault is true, and the control",
-    "signal and all states keep their values. Manual mode works all the same.",
-    "at_limit is true while a limit cuts off a part of the control signal.",
-)
-FEEDFORWARD = "feedforward is added to the control signal, before the limits."
-RETUNED = (
-    "The gains are variables. To change them, write the new values and set retuned for one call. The control signal",
-    "keeps its value in that sample and continues from there.",
-)
 
 
 def _number_of_structured_text(value: float) -> str:
@@ -74,7 +61,7 @@ LANGUAGES = {
 def head(
     k: Parameters,
     *,
-    margins: Any = None,
+    margins: Margins | None = None,
     note: str = "",
     time_unit: str = "",
     record: str = "",
@@ -99,7 +86,8 @@ def head(
     ]
     if k.prefilter is not None:
         lines.append(f"Set-point prefilter: {k.prefilter}")
-    lines += [] if margins is None else [_margins(margins)]
+    if margins is not None:
+        lines.append(_margins(margins))
     notes = note.splitlines()
     lines += [comment_text(line, LONGEST_NOTE) for line in notes[:MOST_NOTES]]
     lines += [f"and {len(notes) - MOST_NOTES} more lines"] if len(notes) > MOST_NOTES else []
@@ -107,15 +95,14 @@ def head(
     return [part for parts in wrapped for part in parts]
 
 
-def _margins(margins: Any) -> str:
+def _margins(margins: Margins) -> str:
     """Return a line with the numbers of the margins."""
-    try:
-        ms, gain, phase, delay = (float(getattr(margins, name)) for name in ("ms", "gm", "pm", "dm"))
-    except (AttributeError, TypeError, ValueError):
-        raise TypeError(f"margins must be Margins of a loop, found {type(margins).__name__}") from None
-    if math.isnan(ms):
+    if not isinstance(margins, Margins):
+        raise TypeError(f"margins must be Margins of a loop, found {type(margins).__name__}")
+    if math.isnan(margins.ms):
         return "Margins: the closed loop is unstable"
-    return f"Margins: Ms = {ms:.4g}, gain margin {gain:.4g}, phase margin {phase:.4g} deg, delay margin {delay:.4g}"
+    ms, gain, phase, delay = (f"{x:.4g}" for x in (margins.ms, margins.gm, margins.pm, margins.dm))
+    return f"Margins: Ms = {ms}, gain margin {gain}, phase margin {phase} deg, delay margin {delay}"
 
 
 def vector(k: Parameters) -> Vector:
@@ -127,31 +114,26 @@ def vector(k: Parameters) -> Vector:
     low, high = k.limits
     span = high - low if math.isfinite(high - low) else 2.0
     by_hand = round(min(max(k.bias + 0.1 * span, low), high), 6)
-    rest = {"setpoint": k.y_offset, "manual": False, "manual_value": by_hand, "tracking": False}
-    rest |= {"track_value": by_hand, "feedforward": 0.0, "retuned": False}
+    rest: dict[str, Any] = {"setpoint": k.y_offset, "manual": False, "tracking": False, "retuned": False}
+    rest |= {"manual_value": by_hand, "track_value": by_hand, "feedforward": 0.0}
     samples, y = [], 0.0
     for i in range(STEPS):
         target = 0.0 if i < 2 else 0.2 if i < 24 else -0.1
         y += 0.25 * (target - y) + (0.02 if i == 20 else 0.0)
         measured = INVALID_MEASUREMENT if i in INVALID else k.y_offset + round(y, 4)
-        events: dict[str, Any] = {"manual": 10 <= i < 13, "tracking": i == 17, "retuned": i == 26}
-        events |= {"feedforward": round(0.05 * span, 6)} if 5 <= i < 8 else {}
-        samples.append({**rest, **events, "setpoint": k.y_offset + target, "measurement": measured})
+        events = {"manual": 10 <= i < 13, "tracking": i == 17, "retuned": i == 26, "measurement": measured}
+        forward = round(0.05 * span, 6) if 5 <= i < 8 else 0.0
+        samples.append({**rest, **events, "feedforward": forward, "setpoint": k.y_offset + target})
+    code, step = program(k), function(program(k))
     for doublings in range(DOUBLINGS):
         ends = [k.y_offset + side * 0.25 * 2**doublings for side in (1.0, -1.0) for _ in range(FAR)]
         rows = [*samples, *({**rest, "measurement": end} for end in ends)]
-        inputs = {name: [row[name] for row in rows] for name in program(k).inputs}
-        control = signals(k, [*inputs.values()])
+        inputs = {name: [row[name] for row in rows] for name in code.inputs}
+        states = SimpleNamespace(**code.states)
+        control = [step(states, *row) for row in zip(*inputs.values(), strict=True)]
         if all(not math.isfinite(end) or end in control for end in k.limits):
             break
     return {**inputs, "control": control}
-
-
-def signals(k: Parameters, inputs: Sequence[Sequence[Any]]) -> list[float]:
-    """Return the control signals of a new controller, for a row of each input."""
-    code = program(k)
-    states, step = SimpleNamespace(**code.states), function(code)
-    return [step(states, *row) for row in zip(*inputs, strict=True)]
 
 
 def written(k: Parameters, language: str, name: str, *, precision: str = "double", **about: Any) -> str:
@@ -165,21 +147,14 @@ def written(k: Parameters, language: str, name: str, *, precision: str = "double
     loader = jinja2.PackageLoader("pidalab.plant.code")
     environment = jinja2.Environment(loader=loader, trim_blocks=True, keep_trailing_newline=True)
     environment.filters |= {"number": has.number, "rows": _rows}
-    further = [FEEDFORWARD] * ("feedforward" in code.inputs) + [*RETUNED] * bool(code.gains)
     step = method(code, "    ") if language == "python" else statements(code, has, name, "    ")
     text = environment.get_template(f"{language}.j2").render(
         program=code,
         head=head(k, **about),
-        usage=USAGE,
-        further=further,
         usual=[(x, value) for x, value in code.states.items() if x not in code.gains],
-        outputs=OUTPUTS,
         vector=vector(k),
         name=name,
-        upper=name.upper(),
-        real=f"{name}_real",
-        types=("float", "double") if precision == "single" else ("double", "float"),
-        kind="".join(word.capitalize() for word in name.split("_")),
+        precision=precision,
         step=step,
     )
     return "\n".join(line.rstrip() for line in text.split("\n"))
@@ -211,8 +186,8 @@ def content(k: Parameters) -> dict[str, Any]:
         "largest_signal": LARGEST_SIGNAL,
         "feedforward": k.feedforward,
         "tunable": k.tunable,
-        "paths": [_lists(path._asdict()) for path in k.paths],
-        "prefilter": None if k.prefilter is None else _lists(k.prefilter._asdict()),
+        "paths": [path._asdict() for path in k.paths],
+        "prefilter": None if k.prefilter is None else k.prefilter._asdict(),
         "integral": {
             "acts": k.integrates,
             "grows_by": "signal of the paths" if k.from_signal else "error",
@@ -226,27 +201,25 @@ def content(k: Parameters) -> dict[str, Any]:
     }
 
 
-def _lists(value: Any) -> Any:
-    """Return lists for tuples."""
-    if isinstance(value, dict):
-        return {name: _lists(x) for name, x in value.items()}
-    return [_lists(x) for x in value] if isinstance(value, (tuple, list)) else value
-
-
 def checksum(stored: dict[str, Any]) -> str:
     """Return a checksum over the fields of a JSON, independent of their order and of the format of numbers.
 
     It is not secret. It finds accidental changes in fields that the test vector does not cover.
     """
-    text = json.dumps(_plain(stored), sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+    fields = {name: value for name, value in stored.items() if name != "checksum"}
+    return hashlib.sha256(canonical(fields).encode()).hexdigest()
+
+
+def canonical(value: Any) -> str:
+    """Return the JSON of a value, with sorted fields and all numbers as floats."""
+    return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"))
 
 
 def _plain(value: Any) -> Any:
     """Return a value with all numbers as floats."""
     if isinstance(value, dict):
-        return {name: _plain(x) for name, x in value.items() if name != "checksum"}
-    if isinstance(value, list):
+        return {name: _plain(x) for name, x in value.items()}
+    if isinstance(value, (list, tuple)):
         return [_plain(x) for x in value]
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return _check.real("number", value) if number else value

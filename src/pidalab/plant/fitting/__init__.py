@@ -114,7 +114,7 @@ class Fit:
         >>> len(fitted.spread(5))
         5
         """
-        count = _check.integer("count", count, at_least=1)
+        count = _check.integer("count", count, at_least=0)
         values = np.delete(self._found.values, LEVEL)
         models = [(self._found.shape, values), *self._rivals]
         # draw logarithms, so that times stay positive, and the dead time as a share of all times
@@ -168,8 +168,6 @@ class Fit:
         True
         """
         count = _check.integer("count", count, at_least=1)
-        if count == 1:
-            return [self.process]
         higher = np.random.default_rng(0).random(count - 1) < HIGHER
         gains = np.where(higher, 1 + WORKING_POINT, 1 - WORKING_POINT)
         drawn = zip(self.spread(count - 1), gains, strict=True)
@@ -412,12 +410,14 @@ def _settled(data: FitData, found: FitResult) -> FitResult:
 
 
 def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit:
-    names = np.array(["gain", "level", *found.shape.parameters, "delay"])
+    names = ["gain", *found.shape.parameters, "delay"]
     times = uncertainty.closed_loop_factor(record, found)
-    covariance = times**2 * uncertainty.covariance(found)
-    keep = np.delete(np.arange(names.size), LEVEL)  # further ones belong to the initial state and the load
-    sigma = np.sqrt(np.diag(covariance))[keep]
-    parameters = dict(zip(names[keep].tolist(), found.values[keep].tolist(), strict=True))
+    keep = np.delete(
+        np.arange(found.values.size), LEVEL
+    )  # further ones belong to the initial state and the load
+    covariance = times**2 * uncertainty.covariance(found)[np.ix_(keep, keep)]
+    parameters = dict(zip(names, found.values[keep].tolist(), strict=True))
+    sigma = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
     noise = noise_of(record, data, found)
     if refusal := unexplained(data, found) or uncertainty.runs_away(record, data, found):
@@ -431,13 +431,13 @@ def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit
         process=process,
         model=found.shape.name,
         parameters=MappingProxyType(parameters),
-        uncertainty=MappingProxyType(dict(zip(parameters, sigma.tolist(), strict=True))),
+        uncertainty=MappingProxyType(sigma),
         residuals=found.residuals,
         deviation=found.deviation,
         noise=noise,
         reason=reason,
         record=record,
-        _covariance=covariance[np.ix_(keep, keep)],
+        _covariance=covariance,
         _data=found.data,
         _found=found,
         _times=times,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -45,10 +46,6 @@ class Shape:
     signed: int = 0
 
 
-def _first_order(t: Array, p: Sequence[float]) -> Array:
-    return -np.expm1(-np.maximum(t, 0.0) / p[0])
-
-
 def _second_order(t: Array, p: Sequence[float]) -> Array:
     """Return the response of (zero s + 1)/(tau² s² + 2 damping tau s + 1)."""
     tau, damping, zero = (*p, 0.0)[:3]
@@ -60,15 +57,6 @@ def _second_order(t: Array, p: Sequence[float]) -> Array:
     late, early = np.exp(-slow * x), np.exp(-(damping + half) * x)
     impulse = (late - early) / (2 * half)
     return np.asarray(np.real(1.0 - late + (zero / tau - slow) * impulse), dtype=float)
-
-
-def _lagged_ramp(t: Array, p: Sequence[float]) -> Array:
-    elapsed = np.maximum(t, 0.0)
-    return elapsed + p[0] * np.expm1(-elapsed / p[0])
-
-
-def _ramp(t: Array, p: Sequence[float]) -> Array:
-    return np.maximum(t, 0.0)
 
 
 def equal_lags(order: int) -> Shape:
@@ -106,11 +94,16 @@ def behind_lag(shape: Shape, lag: float) -> Shape:
     return Shape(shape.name, shape.parameters, step, process, shape.signed)
 
 
-FIRST_ORDER = Shape("fopdt", ("lag",), _first_order, lambda gain, p, delay: fopdt(gain, p[0], delay))
+FIRST_ORDER = Shape(
+    "fopdt",
+    ("lag",),
+    lambda t, p: -np.expm1(-np.maximum(t, 0.0) / p[0]),
+    lambda gain, p, delay: fopdt(gain, p[0], delay),
+)
 SECOND_ORDER = Shape(
     "sopdt", ("tau", "damping"), _second_order, lambda gain, p, delay: sopdt(gain, p[0], p[1], delay)
 )
-INTEGRATOR = Shape("ipdt", (), _ramp, lambda gain, p, delay: ipdt(gain, delay))
+INTEGRATOR = Shape("ipdt", (), lambda t, p: np.maximum(t, 0.0), lambda gain, p, delay: ipdt(gain, delay))
 ORDER_WITH_ZERO = Shape(
     "sopdtz",
     ("tau", "damping", "zero"),
@@ -119,23 +112,24 @@ ORDER_WITH_ZERO = Shape(
     signed=1,
 )
 LAGGED = Shape(
-    "ifopdt", ("lag",), _lagged_ramp, lambda gain, p, delay: Process([gain], [p[0], 1.0, 0.0], delay)
+    "ifopdt",
+    ("lag",),
+    lambda t, p: np.maximum(t, 0.0) + p[0] * np.expm1(-np.maximum(t, 0.0) / p[0]),
+    lambda gain, p, delay: Process([gain], [p[0], 1.0, 0.0], delay),
 )
-SINGLE = {shape.name: shape for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)}
+SHAPES = {shape.name: [shape] for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)}
+SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 
-MOST_CHANGES = (
-    60  # changes of the input that are followed one by one; a record with more is put on a uniform grid
-)
+# changes of the input that are followed one by one; a record with more is put on a uniform grid
+MOST_CHANGES = 60
 MOST_SAMPLES = 4000  # samples of a fit; a longer record is averaged over neighbours
 SUMMED_SAMPLES = 1000  # samples up to which a sum of products is faster than Fourier transforms
 BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
 NONE = 1e-3  # dead time in samples that counts as none
 LEVEL = 1  # index of the output's level among the parameters
 DESCENTS = 6  # descents from different starts; the lowest end counts
-SKETCHED, FINISHED = (
-    1e-6,
-    1e-12,
-)  # relative changes at which a descent ends: first all of them, then the lowest
+# relative changes at which a descent ends: first all of them, then the lowest
+SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # damping beyond which a second order is in effect a first order
 LOADS = 46  # times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
@@ -144,9 +138,7 @@ STARTS: dict[str, Callable[[float], list[list[float]]]] = {
     "ipdt": lambda time: [],
     "lags": lambda time: [[time / 3]],
     "sopdt": lambda time: [[time / 2, damping] for damping in (0.2, 0.5, 1.0)],
-    "sopdtz": lambda time: [
-        [time / 2, damping, share * time] for share in (-0.5, 0.5) for damping in (0.5, 1.0)
-    ],
+    "sopdtz": lambda time: [[time / 2, z, share * time] for share in (-0.5, 0.5) for z in (0.5, 1.0)],
 }
 
 
@@ -250,15 +242,11 @@ class FitResult(NamedTuple):
 def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult], str]:
     """Search for each model, and return the results and the reason of the last failure."""
     tried, failed = [], ""
-    for model in models:
-        orders = (
-            [equal_lags(order) for order in range(2, MOST_LAGS + 1)] if model == "lags" else [SINGLE[model]]
-        )
-        for shape in orders:
-            try:
-                tried.append(search(data, shape))
-            except ArithmeticError as why:
-                failed = str(why)
+    for shape in (shape for model in models for shape in SHAPES[model]):
+        try:
+            tried.append(search(data, shape))
+        except ArithmeticError as why:
+            failed = str(why)
     return tried, failed
 
 
@@ -319,14 +307,9 @@ def refined(
         low, high = [*low, 0.0], [*high, float(np.ptp(data.t)) / span]
         x = np.append(x, np.clip((data.load - data.t[0]) / span, 1e-6, 0.99 * high[-1]))
     scale = [*([0.1] * count), *([0.02] * (x.size - count))]
-    ends = dict.fromkeys(("xtol", "ftol", "gtol"), near)
+    options = dict.fromkeys(("xtol", "ftol", "gtol"), near) | {"x_scale": scale, "max_nfev": 200}
     solution = least_squares(
-        lambda x: projected(placed(x), shape, times(x))[0],
-        x,
-        bounds=(low, high),
-        x_scale=scale,
-        max_nfev=200,
-        **ends,
+        lambda x: projected(placed(x), shape, times(x))[0], x, bounds=(low, high), **options
     )
     p, data = times(solution.x), placed(solution.x)
     # the search stops just above its bound, and no record tells so short a dead time from none
@@ -356,9 +339,7 @@ def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float])
 def loaded(data: FitData) -> FitData:
     """Return the data with a step of the load where one explains most of what the input does not."""
     span = float(np.ptp(data.t))
-    models = [
-        [span * lag, span * delay] for lag in (0.01, 0.03, 0.1, 0.3) for delay in (0.0, 0.01, 0.03, 0.1)
-    ]
+    models = span * np.array([*product((0.01, 0.03, 0.1, 0.3), (0.0, 0.01, 0.03, 0.1))])
 
     def cost(tried: FitData) -> float:
         return min(float(np.sum(projected(tried, FIRST_ORDER, p)[0] ** 2)) for p in models)

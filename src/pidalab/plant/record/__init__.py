@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +15,7 @@ from pidalab._check import Array
 from pidalab.plant.doubts import doubt, with_doubts
 from pidalab.plant.record import cleaning
 from pidalab.plant.record.cleaning import MOVING, Step, column
-from pidalab.plant.record.reading import ROLES, read_columns
+from pidalab.plant.record.reading import read_columns
 
 LONG_INTERVAL = 5.0  # times the usual sampling interval: a longer one is a gap
 FEW_LEVELS = 20  # levels of y, up to which their number is doubted
@@ -59,8 +58,6 @@ class Record:
         Input of the plant (valve, heater), held from each sample to the next.
     y : array_like, shape (n,)
         Measured output.
-    step : float, optional
-        Time of the step that matters, where the record has several or the search finds another one.
     u_before : float, optional
         Input at which the plant was at rest before the record, for a record that begins with its step. By default the
         first input, or that of an earlier row of the same time.
@@ -113,7 +110,6 @@ class Record:
     t: Array
     u: Array
     y: Array
-    step_time: float | None
     u_before: float
     steps: tuple[Step, ...]
     experiment: str
@@ -131,7 +127,6 @@ class Record:
         u: ArrayLike,
         y: ArrayLike,
         *,
-        step: float | None = None,
         u_before: float | None = None,
         outliers: Literal["drop", "keep"] | None = None,
         rows: ArrayLike | None = None,
@@ -156,21 +151,15 @@ class Record:
                 f"u never changes: it is {before:g} in every sample. If it changed just before the first one, give the "
                 "value before it: u_before (--u-before)"
             )
-        first = _check.real("step", step) if step is not None else None
         steps = cleaning.find_steps(times, inputs, before)
-        if first is not None and not any(s.time >= first for s in steps):
-            found = cleaning.list_steps(steps)
-            raise ValueError(f"step must not be after the last change of the input, found {first:g}; {found}")
         moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
         start = steps[0].time if steps else times[moved]
         rest, noise, resting = _at_rest(times[times < start], outputs[times < start], outputs, doubts)
         at_rest = resting or u_before is not None or (bool(steps) and noise.samples == 0)
         experiment = cleaning.name_experiment(steps, times, inputs, outputs)
-        vars(self).update(t=times, u=inputs, y=outputs, step_time=first, u_before=before, steps=steps)
-        vars(self).update(outlier_note=note, rest=rest, noise=noise, at_rest=at_rest, experiment=experiment)
-        vars(self).update(
-            doubts=(*doubts, *filter(None, [note]), *self._more_doubts()), time_unit="", date=""
-        )
+        vars(self).update(t=times, u=inputs, y=outputs, u_before=before, steps=steps, experiment=experiment)
+        vars(self).update(rest=rest, noise=noise, at_rest=at_rest, outlier_note=note, time_unit="", date="")
+        vars(self).update(doubts=(*doubts, *filter(None, [note]), *self._more_doubts()))
 
     @classmethod
     def read_csv(
@@ -181,7 +170,6 @@ class Record:
         u: str | int | None = None,
         y: str | int | None = None,
         delimiter: str | None = None,
-        step: float | None = None,
         period: float | None = None,
         skip: int = 0,
         u_before: float | None = None,
@@ -203,8 +191,6 @@ class Record:
             become seconds.
         delimiter : str, optional
             Between the columns; found out if not given.
-        step : float, optional
-            As for `Record`.
         period : float, optional
             Time between samples, for a file without times. Refused if the column `time` holds other times.
         skip : int, optional
@@ -234,30 +220,31 @@ class Record:
         (Step(time=10.0, before=40.0, after=47.0),)
         """
         path = Path(path)
-        given = {"time": time, "u": u, "y": y}
-        columns = {role: ROLES[role] if column is None else column for role, column in given.items()}
+        wanted = {"time": time, "u": u, "y": y}
         if period is not None:
             period = _check.real("period", period, above=0.0)
-            del columns["time"]
+            del wanted["time"]
         skip = _check.integer("skip", skip, at_least=0)
-        found = read_columns(path, list(columns.values()), delimiter, skip, timed=period is None)
+        found = read_columns(path, wanted, delimiter, skip)
         names = [name or place for name, place in zip(found.names, found.places, strict=True)]
-        said = ", ".join(f"{role} = {name!r}" for role, name in zip(columns, names, strict=True))
-        if len(set(found.places)) < len(columns):
+        said = ", ".join(f"{role} = {name!r}" for role, name in zip(wanted, names, strict=True))
+        if len(set(found.places)) < len(wanted):
             raise ValueError(f"time, u and y must be different columns, found {said}")
-        doubts, rows, (u_read, y_read) = list(found.doubts), found.rows, found.values[-2:]
-        if period is None:
-            times = found.values[0]
-        else:
-            doubts += _compared(period, path, given["time"], found.places, delimiter, skip)
+        doubts, rows, times, part = [*found.doubts], found.rows, found.values[0], slice(None)
+        if period is not None:
             times = period * (rows - rows[0])
+            doubts += _compared(period, found.places, path, {"time": time}, delimiter, skip)
         try:
             if run is not None:
                 starts = [*cleaning.run_starts(times), times.size]
                 run = _check.integer("run", run, at_least=1, at_most=len(starts) - 1)
                 part = slice(starts[run - 1], starts[run])
-                times, u_read, y_read, rows = times[part], u_read[part], y_read[part], rows[part]
-            record = cls(times, u_read, y_read, step=step, u_before=u_before, outliers=outliers, rows=rows)
+            record = cls(
+                *(x[part] for x in (times, *found.values[-2:])),
+                u_before=u_before,
+                outliers=outliers,
+                rows=rows[part],
+            )
         except ValueError as refusal:
             raise ValueError(f"{path.name} ({said}): {refusal}") from None
         vars(record).update(doubts=(*doubts, *record.doubts), time_unit=found.time_unit, date=found.date)
@@ -270,20 +257,19 @@ class Record:
 
     @property
     def step(self) -> Step:
-        """The change of the input that matters.
+        """The only change of the input.
 
         Raises
         ------
         ValueError
-            For a record without one, and for one with a further change after it.
+            For a record without one, and for one with several.
         """
         if not self.steps:
             raise ValueError("the record has no step of the input between levels; fit takes any input")
-        chosen = [s for s in self.steps if self.step_time is None or s.time >= self.step_time]
-        if len(chosen) > 1:
-            found = cleaning.list_steps(tuple(chosen))
+        if len(self.steps) > 1:
+            found = cleaning.list_steps(self.steps)
             raise ValueError(f"the input changes again after the step: {found}; cut the record before")
-        return chosen[0]
+        return self.steps[0]
 
     def uniform(self) -> tuple[Array, Array, Array]:
         """Return times, input and output at the median interval, with the first change of the input on the grid.
@@ -401,22 +387,17 @@ class Record:
         return f"Record({self.t.size} samples from {self.t[0]:.6g} to {self.t[-1]:.6g})"
 
 
-def _compared(
-    period: float, path: Path, time: str | int | None, taken: Sequence[int], delimiter: str | None, skip: int
-) -> list[str]:
+def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
     """Refuse a period that contradicts the times of the file. Doubt one if a column counts samples."""
     try:
-        found = read_columns(path, [ROLES["time"] if time is None else time], delimiter, skip)
+        clock = read_columns(*source)
     except ValueError:
         return []  # there is no such column, or it holds no times
-    if found.places[0] in taken:
-        return []
-    name = found.names[0] or found.places[0]
-    steps = np.diff(found.values[0])
-    interval = float(np.median(steps)) if steps.size else np.nan
+    steps, name = np.diff(clock.values[0]), clock.names[0] or clock.places[0]
+    interval = float(np.median(steps)) if steps.size and clock.places[0] not in taken else np.nan
     if not interval > 0 or np.any(steps < 0) or abs(interval / period - 1) < SAME_PERIOD:
         return []
-    if np.all(steps == 1) and not TIMES.match(found.names[0]):
+    if np.all(steps == 1) and not TIMES.match(clock.names[0]):
         return [doubt("counted", name=name, period=period)]
     raise ValueError(
         f"period = {period:g} contradicts the file's own times in column {name!r}, which are {interval:.4g} apart: "
@@ -426,24 +407,22 @@ def _compared(
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
     """Return level and noise before the first change of the input, and True if the output rests there."""
+    rounding = _quantum(whole) / np.sqrt(12)
     if y.size < 8:
         # second differences show noise and hardly show a smooth response
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
         doubts.append(doubt("few before", count=y.size))
-        deviation = max(deviation, _quantum(whole) / np.sqrt(12))
-        return float(np.median(y)) if y.size else float(whole[0]), Noise(deviation, 0.0, 0), False
-    line = np.polynomial.Polynomial.fit(t, y, 1)
+        return float(np.median(y if y.size else whole[0])), Noise(max(deviation, rounding), 0.0, 0), False
     residual = y - y.mean()
     deviation = float(residual.std(ddof=1))
-    drift = abs(float(line(t[-1]) - line(t[0])))
+    drift = abs(float(np.polynomial.Polynomial.fit(t, y, 1)(t[[0, -1]]) @ [-1.0, 1.0]))
     drifting = bool(deviation) and drift > 2 * deviation and drift > 0.02 * np.ptp(whole)
     if drifting:
         doubts.append(doubt("drifting", drift=drift))
         residual = np.diff(y, 2)
         deviation = float(residual.std()) / np.sqrt(6)
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
-    noise = Noise(max(deviation, _quantum(whole) / np.sqrt(12)), correlation, y.size)
-    return float(y.mean()), noise, not drifting
+    return float(y.mean()), Noise(max(deviation, rounding), correlation, y.size), not drifting
 
 
 def _quantum(y: Array) -> float:

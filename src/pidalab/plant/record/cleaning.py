@@ -22,10 +22,8 @@ STILL, STILL_SHARE = 15, 0.05  # samples, and their share, for which an output m
 BEFORE, JUST_BEFORE = 10, 3  # samples before that in which it moved
 SLOWED = 0.1  # movement over the last samples, as a share of that over all of them, of an output that comes to rest
 MANY_STEPS, LITTLE = 2.5, 0.005  # least movement, in steps of its rounding and as a share of its span
-STRAIGHT, COPY = (
-    0.01,
-    1e-4,
-)  # shares of its span by which an input must differ from a clock, and from the output
+# shares of its span by which an input must differ from a clock, and from the output
+STRAIGHT, COPY = 0.01, 1e-4
 DISORDER = 0.05  # share of the samples that may have a time before an earlier one
 LISTED = 4  # samples, or changes of the input, that are listed one by one
 
@@ -244,7 +242,7 @@ def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
     runs = [  # samples a to b are one level, unless the input creeps away from it
         (a, b)
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        for a, b in edges.reshape(-1, 2)
         if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
     ]
     resting = sum(b - max(a, SHORTEST_LEVEL) for a, b in runs if b > SHORTEST_LEVEL)

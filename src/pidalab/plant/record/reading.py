@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,13 +33,8 @@ DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y",
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
 DAY = 86400.0  # seconds
-# times above the first number count from 1970 in this unit: from 2001 on, and before the year 5138
-EPOCHS = (
-    (1e17, 1e9, "nanoseconds"),
-    (1e14, 1e6, "microseconds"),
-    (1e11, 1e3, "milliseconds"),
-    (1e9, 1.0, "s"),
-)
+# times above 1e8 s, the year 1973, count from 1970 in one of these units
+EPOCHS = {"nanoseconds": 1e9, "microseconds": 1e6, "milliseconds": 1e3, "s": 1.0}
 UNIT = re.compile(
     r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
     re.IGNORECASE,
@@ -49,14 +44,7 @@ SAMPLE = 50  # lines from which the form of a file is recognised, and names of c
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters, columns
 
 
-class Default(NamedTuple):
-    """The column to take where none is given: the one of that name, or else the one at that place."""
-
-    name: str
-    place: int
-
-
-ROLES = {"time": Default("time", 0), "u": Default("u", 1), "y": Default("y", 2)}
+PLACES = {"time": 0, "u": 1, "y": 2}  # of the columns where none is named or has the name of its role
 
 
 class Columns(NamedTuple):
@@ -76,11 +64,7 @@ class Columns(NamedTuple):
 
 
 def read_columns(
-    path: Path,
-    wanted: Sequence[str | int | Default],
-    delimiter: str | None = None,
-    skip: int = 0,
-    timed: bool = True,
+    path: Path, wanted: Mapping[str, str | int | None], delimiter: str | None = None, skip: int = 0
 ) -> Columns:
     """Read columns of a delimited text file.
 
@@ -88,15 +72,14 @@ def read_columns(
     ----------
     path : pathlib.Path
         The file; UTF-8 or UTF-16 with or without a byte order mark, or Latin-1.
-    wanted : sequence of str, int or Default
-        Names in the header, or numbers of columns from 0. A default that is taken by its place from a file of more
-        columns than those wanted is a doubt.
+    wanted : mapping of str to str, int or None
+        For each role, "time", "u" or "y": its name in the header, or the number of its column from 0. None takes the
+        column that has the name of its role, or else the usual place, with a doubt if the file has further columns.
+        Times may be dates.
     delimiter : str or None
         Between the columns, as a regular expression if longer than a character. None finds it out.
     skip : int
         Lines to leave out at the beginning.
-    timed : bool
-        Whether the first of the columns holds times, which may be dates.
 
     Returns
     -------
@@ -110,18 +93,17 @@ def read_columns(
     try:
         re.compile(delimiter or "")
     except re.error as refusal:
-        raise ValueError(
-            f"delimiter must be a character or a regular expression, found {delimiter!r}: {refusal}"
-        ) from None
+        said = f"delimiter must be a character or a regular expression, found {delimiter!r}: {refusal}"
+        raise ValueError(said) from None
     lines = _lines(path)[skip:]
-    for row, line in enumerate(lines):
-        if len(line) > LONGEST_ROW:
-            raise ValueError(
-                f"{path.name}, row {row + 1 + skip}, has {len(line)} characters, allowed are at most {LONGEST_ROW}: "
-                "is it a table of text with a line for each sample?"
-            )
     if not any(line.strip() for line in lines):
         raise ValueError(f"{path.name} is empty")
+    longest = max(range(len(lines)), key=lambda row: len(lines[row]))
+    if len(lines[longest]) > LONGEST_ROW:
+        raise ValueError(
+            f"{path.name}, row {longest + 1 + skip}, has {len(lines[longest])} characters, allowed are at most "
+            f"{LONGEST_ROW}: is it a table of text with a line for each sample?"
+        )
     doubts: list[str] = []
     mark = delimiter or max(DELIMITERS, key=lambda mark: _numbered(lines, mark))
     joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) if ":" in line else line for line in lines]
@@ -129,28 +111,27 @@ def read_columns(
         doubts.append("milliseconds after a comma belong to the time before them: both are one column")
         lines = joined
     rows = [_split(line, mark) for line in lines]
-    if (width := sorted(map(len, rows))[len(rows) // 2]) > MOST_COLUMNS:
+    if sorted(map(len, rows))[len(rows) // 2] > MOST_COLUMNS:
         raise ValueError(
             f"{path.name} must have at most {MOST_COLUMNS} columns, found more divided by {mark!r}: copy "
             "those of time, input and output into a file of their own"
         )
-    header, first = _header(lines, rows, wanted, mark, path)
+    header, first = _header(lines, rows, wanted.values(), mark, path)
     width = max(map(len, [header, *rows[first : first + SAMPLE]]))
-    named = [_named(column, header) for column in wanted]
-    places = [_place(name, header, width, path) for name in named]
+    header = header + [""] * (width - len(header))
+    places = [_place(role, name, header, path) for role, name in wanted.items()]
     guessed = [
-        f"{column.name} is column {header[place] if place < len(header) else place!r}"
-        for column, name, place in zip(wanted, named, places, strict=True)
-        if isinstance(column, Default) and isinstance(name, int)
+        f"{role} is column {header[place] or place!r}"
+        for (role, name), place in zip(wanted.items(), places, strict=True)
+        if name is None and place not in _places(role, header)
     ]
-    if guessed and (count := sum(map(bool, header)) or width) > len(ROLES):
+    if guessed and (count := sum(map(bool, header)) or width) > len(PLACES):
         doubts.append(f"{', '.join(guessed)}: none was given, and the file has {count}")
     numbers = np.array([k for k in range(first, len(rows)) if any(rows[k])])
     entries = [[rows[k][place] if place < len(rows[k]) else "" for k in numbers] for place in places]
     comma = mark != "," and _has_decimal_commas(entries)
     columns = [_numbers(column, comma) for column in entries]
-    names = tuple(header[place] if place < len(header) else "" for place in places)
-    time_unit = date = ""
+    names, timed, time_unit, date = tuple(header[place] for place in places), "time" in wanted, "", ""
     if timed:
         columns[0], time_unit, date = _clock(entries[0], columns[0], names[0], doubts)
     if any(entry.lower() in STATES for column in entries for entry in column[:SAMPLE]):
@@ -162,23 +143,25 @@ def read_columns(
             f"{numbers.size - end} row(s) after the last row of numbers were left out: "
             f"{plain_text(lines[numbers[end]], QUOTED)}"
         )
-    for name, column, (_, wrong) in zip(named, entries, columns, strict=True):
-        if wrong[:end].any():
-            k = int(np.argmax(wrong))
-            where, again = f"{path.name}, row {numbers[k] + 1 + skip}", k + int(np.argmax(good[k:]))
-            if again > k + 1:
-                raise ValueError(
-                    f"{where}: words, such as {column[k][:QUOTED]!r}, and numbers again from row "
-                    f"{numbers[again] + 1 + skip} on. The file holds several traces one below the other: put them "
-                    "side by side, with one column of times, or cut out the part that has time, input and output"
-                )
-            kind = "a number or a date" if timed and column is entries[0] else "a number"
+    row = numbers + 1 + skip
+    for place, column, (_, wrong) in zip(places, entries, columns, strict=True):
+        if not wrong[:end].any():
+            continue
+        k = int(np.argmax(wrong))
+        where, again = f"{path.name}, row {row[k]}", k + int(np.argmax(good[k:]))
+        if again > k + 1:
             raise ValueError(
-                f"{where}, column {name!r}: expected {kind}{' with a decimal comma' * comma}, found "
-                f"{column[k][:QUOTED]!r}; correct it, or leave it empty if the value is missing"
+                f"{where}: words, such as {column[k][:QUOTED]!r}, and numbers again from row {row[again]} on. The file "
+                "holds several traces one below the other: put them side by side, with one column of times, or cut "
+                "out the part that has time, input and output"
             )
+        kind = "a number or a date" if timed and column is entries[0] else "a number"
+        raise ValueError(
+            f"{where}, column {header[place] or place!r}: expected {kind}{' with a decimal comma' * comma}, found "
+            f"{column[k][:QUOTED]!r}; correct it, or leave it empty if the value is missing"
+        )
     values = tuple(values[:end] for values, _ in columns)
-    return Columns(values, numbers[:end] + 1 + skip, names, tuple(places), tuple(doubts), time_unit, date)
+    return Columns(values, row[:end], names, tuple(places), tuple(doubts), time_unit, date)
 
 
 def _lines(path: Path) -> list[str]:
@@ -241,11 +224,11 @@ def is_value(entry: str) -> bool:
 
 def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
     """Return entries as numbers, nan where missing, and True where an entry is not valid."""
-    values, wrong = np.full(len(entries), np.nan), np.zeros(len(entries), dtype=bool)
-    for k, entry in enumerate(entries):
-        values[k] = number(entry, comma)
-        wrong[k] = math.isnan(values[k]) and bare(entry).lower() not in MISSING
-    return values, wrong
+    values = np.array([number(entry, comma) for entry in entries], dtype=float)
+    wrong = [
+        math.isnan(value) and bare(x).lower() not in MISSING for x, value in zip(entries, values, strict=True)
+    ]
+    return values, np.array(wrong, dtype=bool)
 
 
 def _numbered(lines: Sequence[str], mark: str) -> float:
@@ -257,11 +240,7 @@ def _numbered(lines: Sequence[str], mark: str) -> float:
 
 
 def _header(
-    lines: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    wanted: Sequence[str | int | Default],
-    mark: str,
-    path: Path,
+    lines: Sequence[str], rows: Sequence[Sequence[str]], wanted: Iterable[Any], mark: str, path: Path
 ) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     last = [row for row in rows if any(row)][-SAMPLE:]
@@ -276,9 +255,8 @@ def _header(
             pairs = zip(lines, rows[:index], strict=False)
             above = [_names(line, row, len(columns), mark) for line, row in pairs if any(row)]
             # a row of units may follow the row of names
-            named = [
-                names for names in above if all(not isinstance(x, str) or _places(x, names) for x in wanted)
-            ]
+            asked = [name for name in wanted if isinstance(name, str)]
+            named = [names for names in above if all(_places(name, names) for name in asked)]
             return next(iter(reversed(named or above)), []), index
     raise ValueError(
         f"{path.name} has no row of numbers in two columns or more among its first {SAMPLE} lines (columns divided "
@@ -292,19 +270,16 @@ def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
     return [name.strip('" ') for name in (wide if len(wide) == count else row)]
 
 
-def _named(column: str | int | Default, header: Sequence[str]) -> str | int:
-    if not isinstance(column, Default):
-        return column
-    return column.name if len(_places(column.name, header)) == 1 else column.place
-
-
-def _place(name: str | int, header: Sequence[str], width: int, path: Path) -> int:
-    places = [name] if isinstance(name, int) else _places(name, header)
-    if places and (len(places) == 1 or name in header) and places[0] < width:
+def _place(role: str, name: str | int | None, header: Sequence[str], path: Path) -> int:
+    """Return the number of a column, found by its name, or by its role."""
+    places = [name] if isinstance(name, int) else _places(name or role, header)
+    if name is None and len(places) != 1:
+        places = [name := PLACES[role]]
+    if places and (len(places) == 1 or name in header) and places[0] < len(header):
         return places[0]
     named = [repr(name[:QUOTED]) for name in header if name]
     further = f" and {len(named) - SAMPLE} more" if len(named) > SAMPLE else ""
-    known = ", ".join(named[:SAMPLE]) + further or f"{width}, without names: give numbers from 0"
+    known = ", ".join(named[:SAMPLE]) + further or f"{len(header)}, without names: give numbers from 0"
     raise ValueError(f"{path.name} has no column {name!r}; its columns are {known}")
 
 
@@ -333,15 +308,12 @@ def _clock(
     named = UNIT.search(title)
     unit = (named[1] and "s") or named[2] if named else ""
     first, last = float(np.nanmin(times, initial=math.inf)), float(np.nanmax(times, initial=-math.inf))
-    for beyond, share, word in EPOCHS:
-        if last > beyond and (share > 1 or (unit in ("", "s") and first > beyond)):
+    for word, share in EPOCHS.items():
+        if last / share > 1e8 and (share > 1 or (unit in ("", "s") and first > 1e8)):
             if share > 1:
                 doubts.append(f"the times are {word} since 1970: they were read as seconds")
-            return (
-                ((times - first) / share, wrong),
-                "s",
-                f"{datetime.fromtimestamp(first / share, UTC):%Y-%m-%d %H:%M}",
-            )
+            date = f"{datetime.fromtimestamp(first / share, UTC):%Y-%m-%d %H:%M}"
+            return ((times - first) / share, wrong), "s", date
     if unit not in ("", "s"):
         doubts.append(
             f"the times are in {unit}, by the name of their column, and so is every other time, the sample time too"
