@@ -1,4 +1,4 @@
-"""The lab's engine, run from Python: the script of the page in an interpreter of its own."""
+"""The lab's engine for Python: the script of the page in a JavaScript interpreter."""
 
 import json
 from pathlib import Path
@@ -36,7 +36,7 @@ class Engine:
 
 
 def asked(process, controller, **more):
-    """What the engine is asked for one loop of the library: a Process and a HighOrderPID."""
+    """Return the arguments of the engine for a loop of the library with a Process and a HighOrderPID."""
     gains = [*controller.coefficients, 0.0, 0.0, 0.0][:4]
     return {
         "process": {"num": process.num.tolist(), "den": process.den.tolist(), "delay": process.delay},

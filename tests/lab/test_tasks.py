@@ -1,5 +1,4 @@
-"""Every task of the book: its printed answer is right, wrong ones get their word, and what the page computes of it is
-what the library computes."""
+"""Every task of the book accepts its printed answer and explains wrong ones, and the page agrees with the library."""
 
 import math
 import random
@@ -30,7 +29,7 @@ def page():
 
 
 def plant_of(plant, given):
-    """The process that the data of a task describe."""
+    """Return the process of a task."""
     known = {
         "lags3": pidalab.lags(3, delay=1.0),
         "unequal": pidalab.Process([1.0], np.poly([-0.2, -1.0, -2.0]) / 0.4, delay=0.5),
@@ -59,7 +58,7 @@ def controller_of(loop):
 
 
 def judged_by(data):
-    """The names of the facts that decide."""
+    """Return the names of the decisive facts."""
     names = [
         *data.get("limits", {}),
         *data.get("least", {}),
@@ -70,7 +69,7 @@ def judged_by(data):
 
 
 def linear_loops(task):
-    """What the judge is asked for, and the loop of the library, for each loop without limits or samples."""
+    """Yield the arguments of the judge and the loop of the library, for each loop without limits or samples."""
     data = task.data
     if "edge" in data:  # at the limit of stability the least rounding shows: it has a test of its own
         return
@@ -101,7 +100,7 @@ LINEAR = [each for task in QUICK for each in linear_loops(task)]
 @pytest.mark.parametrize(
     ("asked", "given", "loop"), [one[1:] for one in LINEAR], ids=[one[0] for one in LINEAR]
 )
-def test_the_page_computes_what_the_library_does(page, asked, given, loop):
+def test_page_matches_library(page, asked, given, loop):
     asked = dict(asked)
     judged = asked.pop("judged")
     ms, gm, pm, dm = page.facts(asked, given, "ms", "gm", "pm", "dm")
@@ -126,7 +125,7 @@ def test_every_lecture_has_two_tasks():
 
 
 @named(TASKS)
-def test_the_printed_answer_is_right(page, task):
+def test_printed_answers_are_accepted(page, task):
     key = task.data["key"]
     found = page.judge(task.data, key)
     assert found["right"], found["say"]
@@ -136,7 +135,7 @@ def test_the_printed_answer_is_right(page, task):
 
 
 @named(TASKS)
-def test_wrong_answers_get_their_word(page, task):
+def test_wrong_answers_get_their_hint(page, task):
     data = task.data
     assert len(data["wrong"]) >= (1 if data.get("search") else 2)
     for wrong in data["wrong"]:
@@ -146,7 +145,7 @@ def test_wrong_answers_get_their_word(page, task):
 
 
 @named(TASKS)
-def test_what_is_entered_as_text_is_judged_as_its_number(page, task):
+def test_text_is_judged_as_its_number(page, task):
     data = task.data
     if data["kind"] in ("number", "design"):
         key = {name: str(value).replace(".", ",") for name, value in data["key"].items()}
@@ -200,17 +199,17 @@ BY_HAND = {
 
 
 @pytest.mark.parametrize("label", BY_HAND)
-def test_numbers_are_those_of_the_derivation(page, label):
+def test_numbers_follow_from_the_derivation(page, label):
     assert answer_of(page, label) == pytest.approx(BY_HAND[label](), rel=2e-3, abs=1e-3)
 
 
-def test_the_cancelled_lags_are_those_of_the_rule(page):
+def test_cancelled_lags_match_the_rule(page):
     C = haalman.tune(plant_of("unequal", {}), ms=1.6).controller
     near = BY_LABEL["task-haalman2024-1"].data["near"]
     assert [near[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
 
 
-def test_sampled_and_limited_loops_have_the_facts_of_the_library(page):
+def test_sampled_and_limited_loops_match_library(page):
     for label, given in (("task-6-1", {"h": 0.2}), ("task-5-2", {"Tt": 1.5}), ("task-5-2", {"Tt": 5.486})):
         data = BY_LABEL[label].data
         names = list(data["limits"])
@@ -218,14 +217,14 @@ def test_sampled_and_limited_loops_have_the_facts_of_the_library(page):
         assert page.facts(data, given, *names) == pytest.approx(true, rel=1e-6, abs=1e-6)
 
 
-def test_three_ways_at_the_limit_come_in_the_order_of_the_library(page):
+def test_order_of_anti_windup_matches_library(page):
     data = BY_LABEL["task-huba2024-1"].data
     found = page.along(data, data["items"], "overshoot")
     library = [reset_overshoot(item["loop"]["way"]) for item in data["items"]]
     assert np.argsort(found).tolist() == np.argsort(library).tolist() == data["key"]["order"]
 
 
-def test_the_magnitude_optimum_breaks_where_the_library_says(page):
+def test_limit_of_the_magnitude_optimum_matches_library(page):
     from pidalab import areas
     from pidalab.rules import magnitude_optimum
 
@@ -239,7 +238,7 @@ def test_the_magnitude_optimum_breaks_where_the_library_says(page):
 
 
 @named([task for task in TASKS if "saving" in task.data.get("limits", {})])
-def test_what_a_search_finds_the_library_finds(page, task):
+def test_search_matches_library(page, task):
     asked = {**task.data, **task.data["key"]}
     plant = plant_of(asked["plant"], asked["key"])
     pid, pida = (optimum(plant, order, asked["ms"], asked["noise"]) for order in (1, 2))
@@ -265,7 +264,7 @@ def test_four_parts_are_needed():
 
 
 @named([task for task in TASKS if task.data["kind"] == "number"])
-def test_a_number_that_no_slip_explains_is_told_where_to_begin(page, task):
+def test_unexplained_wrong_answer_gets_a_first_step(page, task):
     key = key_of(task.label)
     for answer, word in (
         (-7, "above 0" if key else "Too small"),
@@ -276,7 +275,7 @@ def test_a_number_that_no_slip_explains_is_told_where_to_begin(page, task):
         assert task.data["first"] in said
 
 
-def test_a_filter_may_be_too_long_as_well(page):
+def test_too_long_a_filter_is_wrong(page):
     assert "with less it is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
     assert "more of it" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
 
@@ -288,7 +287,7 @@ SIDE = (-4e-3, 5e-4)  # of a border: the page allows for answers that are printe
 
 
 def answers(data, count, seed):
-    """Draw answers: the key, steps from it that cross borders, and wild ones."""
+    """Draw answers: the key, steps from it across borders, and random ones."""
     rng = random.Random(seed)
     kind = data["kind"]
     if kind == "choice":
@@ -306,7 +305,7 @@ def answers(data, count, seed):
 
 
 def truth(data, given):
-    """Return what the library says of an answer: True, False, or None where it is too near to a border."""
+    """Return the judgement of the library: True, False, or None too close to a border."""
     if data["kind"] == "number":
         key, off = data.get("value", data["key"]["answer"]), data.get("error", 0)
         tolerance = off or data["within"] * abs(key)
@@ -333,7 +332,7 @@ def truth(data, given):
 
 
 def fact(data, loop, given, name):
-    """Return one fact of a loop by the library; infinite where the loop is unstable."""
+    """Return one fact of a loop by the library, infinite for an unstable loop."""
     where, _, which = name.rpartition(".")
     plant, C = plant_of(data["plants"][where] if where else data["plant"], given), controller_of(loop)
     if "u0" in loop:
@@ -358,7 +357,7 @@ def optimum(plant, order, ms, noise):
 
 
 @named(QUICK)
-def test_fifty_answers_are_judged_as_the_library_does(page, task):
+def test_random_answers_are_judged_as_by_library(page, task):
     data, judged = task.data, {True: 0, False: 0}
     for given in answers(data, ANSWERS, task.label):
         true = truth(data, given)
@@ -372,7 +371,7 @@ def test_fifty_answers_are_judged_as_the_library_does(page, task):
 
 
 @pytest.mark.parametrize("share", [0.978, 0.987, 0.991])
-def test_the_edge_of_stability_is_answered_from_the_stable_side(page, share):
+def test_stability_limit_is_accepted_from_the_stable_side_only(page, share):
     found = page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.0227 * share})
     assert not found["right"]
     assert "already unstable" in found["say"]

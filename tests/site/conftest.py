@@ -12,7 +12,7 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# No other host has an address: a request for one is seen, and goes nowhere.
+# No other host has an address, so a request to one is detected and fails.
 ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",  # else it draws with a graphics card in software
@@ -26,7 +26,7 @@ FORGET = (
 
 
 def toc_pages(toc: Path) -> list[str]:
-    """Every page that a table of contents names, in its order."""
+    """Return every page of a table of contents, in its order."""
 
     def walk(node):
         if isinstance(node, list):
@@ -83,7 +83,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def tab(browser):
-    """One tab for all tests of a file; opening a tab takes longer than loading a page."""
+    """Share one tab in all tests of a file, since opening a tab takes longer than loading a page."""
     context = browser.new_context()
     yield context.new_page()
     context.close()
@@ -91,7 +91,7 @@ def tab(browser):
 
 @pytest.fixture
 def visit(browser, tab):
-    """Open a page; returns it with the list, which still grows, of what goes wrong on it.
+    """Open a page. Return it with a list to which later errors of the page are appended.
 
     Pages know nothing of those before. A test that opens a second one still has the first.
     """
@@ -134,7 +134,7 @@ def visit(browser, tab):
 
 @pytest.fixture
 def lab(site, visit):
-    """Open the lab, with what an address may hold; nothing may go wrong on the page."""
+    """Open the lab, optionally with a state in the address, and check that the page has no errors."""
     opened = []
 
     def open_lab(address=None, **how):

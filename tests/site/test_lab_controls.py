@@ -1,4 +1,4 @@
-"""Each switch and button of the lab does what it says, and what it cannot do is said."""
+"""Each switch and button of the lab works, or the lab says why it cannot."""
 
 import re
 
@@ -14,13 +14,13 @@ CONTROL = "Control signal u, step of the set point"
 
 
 def says(page, words):
-    """Wait until the lab says these words."""
+    """Wait until the message of the lab contains these words."""
     page.wait_for_function(
         "words => document.querySelector('.lab-live').textContent.includes(words)", arg=words
     )
 
 
-def test_copy_take_away_and_start_anew(lab):
+def test_copy_remove_and_reset(lab):
     page = lab()
     press(page, "Add a copy")
     page.wait_for_function(f"() => ({ROWS})() === 2")
@@ -51,7 +51,7 @@ def test_a_link_is_copied(lab):
 
 
 @pytest.mark.parametrize("damping", [0.4, 1.0])
-def test_a_plant_of_ones_own_and_a_rule_without_ground(lab, damping):
+def test_own_plant_and_rule_outside_its_range(lab, damping):
     page = lab()
     choose(page, "plant", "own")
     values = {
@@ -75,7 +75,7 @@ def test_a_plant_of_ones_own_and_a_rule_without_ground(lab, damping):
     assert np.allclose(eval(call, {"pidalab": pidalab})(s), expected, rtol=1e-6)
 
 
-def test_a_slider_reaches_what_was_entered_and_keeps_its_sign(lab):
+def test_slider_extends_to_the_entered_value(lab):
     page = lab()
     choose(page, "plant", "own")
     for label, value, key, low, high in (

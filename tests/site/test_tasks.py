@@ -1,4 +1,4 @@
-"""Tasks that the page judges, as a reader solves them: by keyboard, with memory or without, on a phone."""
+"""Tasks that the page judges, solved by keyboard, with and without storage, on a phone."""
 
 import json
 
@@ -19,8 +19,8 @@ def verdict(page, label):
     return page.locator(f"#{label} .task-verdict")
 
 
-def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
-    """One load of a page for all that a reader does, and a second for what is left."""
+def test_task_is_solved_by_keyboard_and_stored(site, visit):
+    """The page is loaded once for all actions, and a second time for the stored state."""
     label, url = "task-1-1", address(site, "learn/what-acceleration-does")
     page, wrong = visit(url, viewport=NARROW)
     assert page.evaluate(OVERFLOW) <= 1
@@ -62,7 +62,7 @@ def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
     assert wrong == []
 
 
-def test_a_browser_that_keeps_nothing_still_judges(site, browser):
+def test_tasks_work_without_storage(site, browser):
     page = browser.new_page()
     page.add_init_script(REFUSED)
     page.goto(address(site, "learn/tuning"))
@@ -71,7 +71,7 @@ def test_a_browser_that_keeps_nothing_still_judges(site, browser):
     page.close()
 
 
-def test_the_questions_of_the_guided_lab_come_one_at_a_time(site, visit):
+def test_guided_lab_shows_one_question_at_a_time(site, visit):
     page, wrong = visit(address(site, "learn/guided-lab"), viewport=NARROW)
     shown = page.locator(".pidalab-steps .pidalab-task:visible")
     assert shown.count() == 1
