@@ -119,7 +119,7 @@ def draw(
 
     Bands show two standard deviations of u, for white noise with the given one.
     """
-    shape = {"sharex": "col", "sharey": "row", "squeeze": False, "figsize": (6.4, 4.2)}
+    shape = {"sharex": "col", "sharey": "row", "squeeze": False, "figsize": (6.4, 3.6)}
     figure, axes = plt.subplots(2, len(columns), **shape)
     for k, (title, loops) in enumerate(columns.items()):
         (top, bottom), (start, end) = axes[:, k], spans[k] if spans else (0, 25)
@@ -154,14 +154,13 @@ def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
 def draw_contest(g: int, u_until: float) -> Figure:
     """Draw the output left, the control signal right; set-point step above load step."""
     t, loops = np.linspace(0, 4, 8001), contest(g)
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.0))
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.4))
     step = {x: pidalab.step_response(smooth(C, 0.01), t) for x, C in loops.items()}
     load = {x: pidalab.load_response(C, t) for x, C in loops.items()}
-    for row, runs, end in zip(axes, (step, load), (u_until, 4), strict=True):
-        plots.signal(row[0], runs, "y", until=4)
-        plots.signal(row[1], runs, "u", until=end)
-        row[0].set(ylabel="output y", xlabel="time, s")
-        row[1].set(ylabel="control u", xlabel="time, s")
+    for row, runs, u_end in zip(axes, (step, load), (u_until, 4), strict=True):
+        for ax, name, end in zip(row, "yu", (4, u_end), strict=True):
+            plots.signal(ax, runs, name, until=end)
+            ax.set(ylabel={"y": "output y", "u": "control u"}[name], xlabel="time, s")
     axes[0, 0].set_title("set-point step")
     axes[1, 0].set_title("load step")
     axes[0, 1].set_yscale("symlog", linthresh=10, linscale=2)

@@ -1,4 +1,4 @@
-"""Compare the lab's engine with the library on several hundred random loops, also unstable ones."""
+"""Compare the lab's engine with the library, for several hundred random loops, some unstable."""
 
 import math
 
@@ -20,7 +20,7 @@ def engine():
 
 
 def random_process(rng):
-    """Draw lag- and delay-dominated, oscillating, integrating, inverse-response and unstable processes."""
+    """Draw a lag, oscillating, integrating, inverse-response or unstable process, most with dead time."""
     delay = 10 ** rng.uniform(-1.5, 1) if rng.random() < 0.85 else 0.0
     gain = rng.uniform(0.3, 3)
     kinds = (
@@ -40,7 +40,7 @@ def random_process(rng):
 
 
 def random_controller(rng, scale):
-    """Draw PI, PID or PIDA with filters from a thousandth to a third of the process's time, some just proper."""
+    """Draw a PI, PID or PIDA with a filter from a thousandth to a third of the process's time, some just proper."""
     kp, m = 10 ** rng.uniform(-1.5, 0.7), int(rng.integers(0, 3))
     ki = kp / (scale * 10 ** rng.uniform(-0.3, 0.8)) if rng.random() < 0.9 else 0.0
     kd, ka = kp * scale * 10 ** rng.uniform(-1.5, 0), kp * (scale * 10 ** rng.uniform(-1.5, -0.3)) ** 2
@@ -92,7 +92,7 @@ def test_responses_and_margins_of_random_loops(engine):
     assert refused <= 0.02 * LOOPS
 
 
-def test_mks_matches_library(engine):
+def test_mks_is_that_of_the_library(engine):
     for loop, _, _ in random_loops(60, seed=21):
         if pidalab.is_stable(loop):
             found = engine.margins(**asked(loop.process, loop.controller))["mks"]
@@ -133,7 +133,7 @@ def test_digital_controller_with_limits_and_noise(engine, way):
 
 
 def test_automatic_reset(engine):
-    """The fastest real zero is the reset, also a double zero as of PIDA_1, with exact or rounded gains."""
+    """The fastest real zero gives the reset time. It may be the double zero of PIDA_1, or one of rounded gains."""
     process, t, limits = pidalab.ipdt(1.0, delay=1.0), 0.02 * np.arange(1501), (-0.1, 0.1)
     own = automatic_reset.tune(process, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
     held, backward = (
@@ -164,7 +164,7 @@ def test_automatic_reset(engine):
 )
 @pytest.mark.parametrize("h", [0.05, 0.4])
 def test_backward_differences(engine, h, way, names):
-    """The sample time may be several filter times."""
+    """Also with a sample time of several filter times."""
     process, controller = pidalab.lags(3, delay=0.777), pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
     t, limits = h * np.arange(round(30 / h) + 1), (-0.2, 1.1)
     digital = controller.discretise(h, limits=limits, **names)
@@ -177,7 +177,7 @@ def test_backward_differences(engine, h, way, names):
 @pytest.mark.parametrize("delay", [0.137, 0.2, 0.777])
 @pytest.mark.parametrize(("num", "den"), [([0.5, 1.0], [1.0, 1.0]), ([1.0], [1.0])], ids=["lead", "static"])
 def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
-    """With a dead time between multiples of the sample time, 0.2, the plant reacts to earlier samples."""
+    """The dead time is not a multiple of the sample time, 0.2."""
     process, controller = pidalab.Process(num, den, delay), pidalab.HighOrderPID([0.2, 0.3], 0.0, 0)
     # without a filter they differ by a sample of the integral
     for method, own in (("backward", controller.discretise(0.2)), ("held", controller)):
@@ -186,8 +186,8 @@ def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
 
 
 @pytest.mark.parametrize("gains", [[0.0486, 0.0641, 0.0115, 7e-5], [0.5, 0.3, 0.2, 0.001]], ids=["a", "b"])
-def test_gain_margin_of_a_loop_with_gain_at_high_frequencies(engine, gains):
-    """The gain at high frequencies, where every phase occurs, does not hide a larger crossover."""
+def test_gain_margin_of_a_loop_whose_gain_stays_finite(engine, gains):
+    """The gain at high frequency, where every phase occurs, hides no larger crossover."""
     process = pidalab.Process([1.0], [1.0], delay=0.37)
     controller = pidalab.HighOrderPID(gains, 0.28, 2)
     found = engine.margins(**asked(process, controller))
@@ -206,8 +206,8 @@ def test_limits_hold_and_wide_limits_change_nothing(engine):
     assert tight["y"][-1] == pytest.approx(1.0, abs=0.01)
 
 
-def test_cache_distinguishes_similar_loops(engine):
-    """A new engine without cached results returns the same numbers."""
+def test_cache_tells_loops_apart(engine):
+    """A fresh engine gives the same answer as one that has cached another loop."""
     case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.5, 1.0, 0.3, 0.05], 0.1, 2))
     changed = [
         ("process", {key: value}) for key, value in (("num", [1.1]), ("den", [1, 2.1, 1]), ("delay", 0.6))
@@ -227,8 +227,8 @@ def test_cache_distinguishes_similar_loops(engine):
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.0])
-def test_kick_between_two_points_meets_the_limits(engine, delay):
-    """With a filter of 0.02 and points 0.1 apart the peak is before the first point."""
+def test_a_peak_between_two_points_is_resolved_and_limited(engine, delay):
+    """With a filter of 0.02 and points 0.1 apart the peak is over before the first point."""
     process, controller = pidalab.lags(3, delay=delay), pidalab.HighOrderPID([0.36, 0.73, 0.8], 0.02, 2)
     case = asked(process, controller, end=40.0, points=401, setpoint=1.0)
     fine = engine.simulate(**case)["fine"]
@@ -239,14 +239,14 @@ def test_kick_between_two_points_meets_the_limits(engine, delay):
     assert max(engine.simulate(**case)["fine"]["u"]) == 3.0 < peak
 
 
-TOO_SHORT = "controller.filterTime .* is too short for this plant.* the shortest allowed one is about"
+TOO_SHORT = "controller.filterTime .* is too short beside the plant.* the shortest that serves is about"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.9, 4.7])
 @pytest.mark.parametrize("order", [2, 3, 4])
 @pytest.mark.parametrize("lags", [3, 4])
-def test_fast_filter_is_exact_or_refused(engine, lags, order, delay):
-    """The plant's time constants are 1. The lab's slider ends at 0.001."""
+def test_a_fast_filter_is_simulated_or_refused(engine, lags, order, delay):
+    """The plant's time constants are 1; the lab's slider ends at 0.001."""
     process, t = pidalab.lags(lags, delay=delay), np.linspace(0.0, 20.0, 401)
 
     def run(time):
@@ -288,7 +288,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("change", "message"), BAD)
-def test_bad_input_raises(engine, change, message):
+def test_bad_input_is_named(engine, change, message):
     case = asked(pidalab.fopdt(1.0, 1.0, 0.5), pidalab.HighOrderPID([0.5, 1.0], 0.0, 0), end=10.0, points=11)
     with pytest.raises(ValueError, match=message):
         engine.simulate(**{**case, **change})

@@ -1,4 +1,4 @@
-"""Hidden plants: stored optima match the library, and scores follow from the true plant."""
+"""Check the hidden plants: stored optima, points, and what the reader may see."""
 
 import random
 import re
@@ -41,7 +41,7 @@ def answer_of(plant, factor=1.0):
     return {"kp": factor * kp, **times}
 
 
-def test_stored_optima_keep_their_limits(page, names):
+def test_stored_optima_keep_their_limits_and_have_the_stored_iae(page, names):
     assert len(names) == 10
     for name in names:
         plant = page.plant(name=name)
@@ -52,8 +52,8 @@ def test_stored_optima_keep_their_limits(page, names):
         assert plant["iae"] == pytest.approx(pidalab.load_response(loop, t).iae(), rel=2e-3), name
 
 
-def test_search_finds_no_better_controller(page, names):
-    """Only one random plant is tried, since a search takes seconds."""
+def test_the_library_finds_no_better_design(page, names):
+    """For one random plant: a search takes seconds."""
     plant = page.plant(name=random.choice(names))
     process = best_of(plant).process
     scale = pidalab.noise_scale(process)
@@ -63,7 +63,7 @@ def test_search_finds_no_better_controller(page, names):
     assert plant["iae"] == pytest.approx(best.iae, rel=5e-3)
 
 
-def test_points_come_from_the_true_plant(page, names):
+def test_points_are_those_of_the_true_plant(page, names):
     for name in names:
         plant = page.plant(name=name)
         assert page.judged(name=name, given=answer_of(plant, 0.999))["points"] >= 99, name
@@ -77,14 +77,14 @@ def test_points_come_from_the_true_plant(page, names):
         assert noisy["points"] == 0, name
 
 
-def test_script_hides_the_models():
+def test_the_script_hides_its_models():
     text = SCRIPT.with_name("hidden-data.js").read_text()
     values = re.findall(r'": "(\w+)"', text)
     assert len(values) == 10
     assert all(re.fullmatch("[0-9a-f]{200,}", value) for value in values)
 
 
-def test_step_test_matches_plant_and_noise(page, names):
+def test_a_step_test_shows_the_plant_and_its_noise(page, names):
     for name in names:
         plant, record = page.plant(name=name), page.stepTest(name=name)
         t, u, y = (np.array(record[key]) for key in "tuy")

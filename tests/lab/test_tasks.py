@@ -1,4 +1,5 @@
-"""Every task of the book accepts its printed answer and explains wrong ones, and the page agrees with the library."""
+"""Every task of the book: its printed answer is right, wrong ones get their word, and what the page computes of it is
+what the library computes."""
 
 import math
 import random
@@ -29,7 +30,7 @@ def page():
 
 
 def plant_of(plant, given):
-    """Return the process of a task."""
+    """Return the process that the data of a task describe."""
     known = {
         "lags3": pidalab.lags(3, delay=1.0),
         "unequal": pidalab.Process([1.0], np.poly([-0.2, -1.0, -2.0]) / 0.4, delay=0.5),
@@ -58,7 +59,7 @@ def controller_of(loop):
 
 
 def judged_by(data):
-    """Return the names of the decisive facts."""
+    """Return the names of the facts that decide."""
     names = [
         *data.get("limits", {}),
         *data.get("least", {}),
@@ -69,7 +70,7 @@ def judged_by(data):
 
 
 def linear_loops(task):
-    """Yield the arguments of the judge and the loop of the library, for each loop without limits or samples."""
+    """Yield the judge's arguments and the library's loop for each loop without limits or samples."""
     data = task.data
     if "edge" in data:  # at the limit of stability the least rounding shows: it has a test of its own
         return
@@ -100,7 +101,7 @@ LINEAR = [each for task in QUICK for each in linear_loops(task)]
 @pytest.mark.parametrize(
     ("asked", "given", "loop"), [one[1:] for one in LINEAR], ids=[one[0] for one in LINEAR]
 )
-def test_page_matches_library(page, asked, given, loop):
+def test_facts_match_the_library(page, asked, given, loop):
     asked = dict(asked)
     judged = asked.pop("judged")
     ms, gm, pm, dm = page.facts(asked, given, "ms", "gm", "pm", "dm")
@@ -125,7 +126,7 @@ def test_every_lecture_has_two_tasks():
 
 
 @named(TASKS)
-def test_printed_answers_are_accepted(page, task):
+def test_the_printed_answer_is_right(page, task):
     key = task.data["key"]
     found = page.judge(task.data, key)
     assert found["right"], found["say"]
@@ -135,7 +136,7 @@ def test_printed_answers_are_accepted(page, task):
 
 
 @named(TASKS)
-def test_wrong_answers_get_their_hint(page, task):
+def test_wrong_answers_are_explained(page, task):
     data = task.data
     assert len(data["wrong"]) >= (1 if data.get("search") else 2)
     for wrong in data["wrong"]:
@@ -199,7 +200,7 @@ BY_HAND = {
 
 
 @pytest.mark.parametrize("label", BY_HAND)
-def test_numbers_follow_from_the_derivation(page, label):
+def test_answers_match_the_derivation(page, label):
     assert answer_of(page, label) == pytest.approx(BY_HAND[label](), rel=2e-3, abs=1e-3)
 
 
@@ -209,7 +210,7 @@ def test_cancelled_lags_match_the_rule(page):
     assert [near[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
 
 
-def test_sampled_and_limited_loops_match_library(page):
+def test_facts_of_sampled_and_limited_loops_match_the_library(page):
     for label, given in (("task-6-1", {"h": 0.2}), ("task-5-2", {"Tt": 1.5}), ("task-5-2", {"Tt": 5.486})):
         data = BY_LABEL[label].data
         names = list(data["limits"])
@@ -217,14 +218,14 @@ def test_sampled_and_limited_loops_match_library(page):
         assert page.facts(data, given, *names) == pytest.approx(true, rel=1e-6, abs=1e-6)
 
 
-def test_order_of_anti_windup_matches_library(page):
+def test_anti_windup_options_have_the_order_of_the_library(page):
     data = BY_LABEL["task-huba2024-1"].data
     found = page.along(data, data["items"], "overshoot")
     library = [reset_overshoot(item["loop"]["way"]) for item in data["items"]]
     assert np.argsort(found).tolist() == np.argsort(library).tolist() == data["key"]["order"]
 
 
-def test_limit_of_the_magnitude_optimum_matches_library(page):
+def test_magnitude_optimum_is_unstable_where_the_library_says(page):
     from pidalab import areas
     from pidalab.rules import magnitude_optimum
 
@@ -238,7 +239,7 @@ def test_limit_of_the_magnitude_optimum_matches_library(page):
 
 
 @named([task for task in TASKS if "saving" in task.data.get("limits", {})])
-def test_search_matches_library(page, task):
+def test_savings_match_the_library(page, task):
     asked = {**task.data, **task.data["key"]}
     plant = plant_of(asked["plant"], asked["key"])
     pid, pida = (optimum(plant, order, asked["ms"], asked["noise"]) for order in (1, 2))
@@ -247,7 +248,7 @@ def test_search_matches_library(page, task):
 
 
 @named([BY_LABEL["task-3-2"], BY_LABEL["task-lab-4"]])
-def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
+def test_iae_limit_is_a_tenth_above_the_optimum(task):
     data = task.data
     limits = {name.split(".")[-1]: limit for name, limit in data["limits"].items()}
     plant = plant_of(data["plants"]["B"] if "plants" in data else data["plant"], {})
@@ -258,13 +259,13 @@ def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
 # --- and a bad one is caught -----------------------------------------------------------------------------------------
 
 
-def test_four_parts_are_needed():
+def test_a_task_needs_four_parts():
     with pytest.raises(ValueError, match=r"four parts.*found 3"):
         parts_of("words\n---\nkind: number\n---\nhint")
 
 
 @named([task for task in TASKS if task.data["kind"] == "number"])
-def test_unexplained_wrong_answer_gets_a_first_step(page, task):
+def test_an_unexplained_number_gets_the_first_step(page, task):
     key = key_of(task.label)
     for answer, word in (
         (-7, "above 0" if key else "Too small"),
@@ -275,7 +276,7 @@ def test_unexplained_wrong_answer_gets_a_first_step(page, task):
         assert task.data["first"] in said
 
 
-def test_too_long_a_filter_is_wrong(page):
+def test_a_filter_may_be_too_long(page):
     assert "with less it is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
     assert "more of it" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
 
@@ -287,7 +288,7 @@ SIDE = (-4e-3, 5e-4)  # of a border: the page allows for answers that are printe
 
 
 def answers(data, count, seed):
-    """Draw answers: the key, steps from it across borders, and random ones."""
+    """Draw answers near the key and far from it."""
     rng = random.Random(seed)
     kind = data["kind"]
     if kind == "choice":
@@ -305,7 +306,7 @@ def answers(data, count, seed):
 
 
 def truth(data, given):
-    """Return the judgement of the library: True, False, or None too close to a border."""
+    """Return True if the library finds an answer right, False if wrong, None if it is too near to a limit."""
     if data["kind"] == "number":
         key, off = data.get("value", data["key"]["answer"]), data.get("error", 0)
         tolerance = off or data["within"] * abs(key)
@@ -332,7 +333,7 @@ def truth(data, given):
 
 
 def fact(data, loop, given, name):
-    """Return one fact of a loop by the library, infinite for an unstable loop."""
+    """Return one fact of a loop by the library; infinite where the loop is unstable."""
     where, _, which = name.rpartition(".")
     plant, C = plant_of(data["plants"][where] if where else data["plant"], given), controller_of(loop)
     if "u0" in loop:
@@ -357,7 +358,7 @@ def optimum(plant, order, ms, noise):
 
 
 @named(QUICK)
-def test_random_answers_are_judged_as_by_library(page, task):
+def test_fifty_answers_are_judged_as_by_the_library(page, task):
     data, judged = task.data, {True: 0, False: 0}
     for given in answers(data, ANSWERS, task.label):
         true = truth(data, given)
@@ -371,7 +372,7 @@ def test_random_answers_are_judged_as_by_library(page, task):
 
 
 @pytest.mark.parametrize("share", [0.978, 0.987, 0.991])
-def test_stability_limit_is_accepted_from_the_stable_side_only(page, share):
+def test_the_edge_of_stability_is_approached_from_the_stable_side(page, share):
     found = page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.0227 * share})
     assert not found["right"]
     assert "already unstable" in found["say"]

@@ -1,4 +1,4 @@
-"""Loops of the oracles, and errors of the exact engine."""
+"""Build the loops of the oracles, and compare the exact engine with them."""
 
 import json
 from pathlib import Path
@@ -29,7 +29,7 @@ def oracle_loop(case):
 
 
 def sampled_oracle_loop(case, digital=True):
-    """Return the loop of a case of sampled_loops.json, with its digital or its continuous controller."""
+    """Return the loop of a case of sampled_loops.json, with its digital or continuous controller."""
     process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
     controller = getattr(pidalab, case["controller"])(**case["arguments"])
     if digital:
@@ -38,7 +38,7 @@ def sampled_oracle_loop(case, digital=True):
 
 
 def worst_error(case, points):
-    """Return the largest error over all signals and times, and its place. Each time ends a separate grid."""
+    """Return the largest error over all signals and times, and its place. Each time ends a grid of `points` points."""
     loop, worst = oracle_loop(case), (0.0, "")
     driven = [name for name in INPUTS if name in case["values"]]
     for i, time in enumerate(case["times"]):
@@ -57,9 +57,9 @@ def worst_error(case, points):
 
 
 def scale(case, name, signal, i):
-    """Return the size to which an error at time number i is relative, max(1, |value|).
+    """Return the scale of an error at time number i: max(1, |value|).
 
-    After a kick of the control signal it is relative to the kick, where a response diverges to the running envelope.
+    After a peak of the control signal the scale is the peak, for a diverging response the running envelope.
     """
     values = np.abs(np.array(case["values"][name][signal][: i + 1], dtype=float))
     envelope = case["envelope"][name][signal][i] if "envelope" in case else 0.0

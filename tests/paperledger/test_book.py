@@ -1,4 +1,4 @@
-"""A page and its ledger: refusals, failures and messages."""
+"""Check how a page uses its ledger: errors, drift, and what it displays."""
 
 import json
 from dataclasses import replace
@@ -27,7 +27,7 @@ def test_the_index_links_each_printed_item_to_its_heading(tmp_path):
     assert '<a href="audit/demo.html">its evidence</a></td><td class="text">fails' in index.html
 
 
-def test_complete_page(project, capsys):
+def test_a_whole_page(project, capsys):
     book = Ledger.open("demo", page="audit/demo")
     hand_over(book)
     book.close()
@@ -35,7 +35,7 @@ def test_complete_page(project, capsys):
     assert capsys.readouterr().out == line + "1 disagree with other print\n"
 
 
-def test_page_must_pass_its_rows(project, capsys):
+def test_a_page_owes_its_own_rows(project, capsys):
     Ledger.open("demo").close()  # the chapter owes nothing
     assert failures(Ledger.open("demo", "audit/demo").close)[0] == "demo.t1.kp: never handed over"
 
@@ -46,7 +46,7 @@ def test_open_searches_upward(project, monkeypatch):
     assert Ledger.open("demo", folder=project / "book" / "ledger").paper == "demo"
 
 
-def test_open_lists_known_papers(project, tmp_path_factory, monkeypatch):
+def test_open_names_what_there_is(project, tmp_path_factory, monkeypatch):
     for name in ("manifest.csv", "removed.csv"):
         (project / "book" / "ledger" / name).write_text("", encoding="utf-8")
     assert "there are: demo" in failures(Ledger.open, "dmeo")[0]
@@ -109,7 +109,7 @@ def test_messages(call, id, value, message):
     assert failure.startswith(message)
 
 
-def test_changed_value_gives_its_verdict():
+def test_drift_and_the_verdict_it_gives():
     assert failures(ledger().compare, {"t1.kp": 1.3098124}) == [
         "demo.t1.kp: drifted from 1.309812345 to 1.309812400"
     ]
@@ -154,7 +154,7 @@ def test_fewer_digits_need_a_reason():
     ledger(row).compare({"t1.kp": 1.3098}, digits=4)
 
 
-def test_close_repeats_suppressed_failures(project):
+def test_swallowed_errors_return_when_the_ledger_is_closed(project):
     book = Ledger.open("demo", page="audit/demo")
     for call in (lambda: book.compare({"t1.kp": 7.0}), lambda: book.decide("s1", (5.2, 4.2))):
         with pytest.raises(LedgerError):
@@ -179,7 +179,7 @@ def test_table_has_the_rows_of_the_prefix():
     assert failures(ledger().claims, "t9") == ["demo: no id starts with t9"]
 
 
-def test_table_of_statements_shows_the_evidence():
+def test_table_of_statements_shows_what_decides():
     table = ledger(*ROWS[7:]).claims()
     lines = repr(table).splitlines()
     assert lines[0].split() == ["verdict", "claim", "evidence"]

@@ -1,4 +1,4 @@
-"""The ledgers of this book, and the steps of the page *Keep such a ledger for your own paper*."""
+"""Check the ledgers of this book, and follow the page *Keep such a ledger for your own paper*."""
 
 import json
 import os
@@ -28,7 +28,7 @@ SAID = {
 }
 
 
-def test_instructions_of_the_page_work(tmp_path):
+def test_the_page_alone_is_enough(tmp_path):
     ledger = tmp_path / "book" / "ledger" / "doe2030.csv"
     ledger.parent.mkdir(parents=True)
     ledger.write_text(FILES["book/ledger/doe2030.csv"], encoding="utf-8")
@@ -84,5 +84,5 @@ def test_a_statement_that_fails_is_quoted(paper):
 
 
 def test_the_claims_are_those_of_the_manifest():
-    """After a review `python -m paperledger manifest` stores the claims."""
+    """`python -m paperledger manifest` freezes a reviewed change."""
     assert claims(LEDGERS).splitlines() == (LEDGERS / "manifest.csv").read_text(encoding="utf-8").splitlines()

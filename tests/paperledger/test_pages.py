@@ -1,4 +1,4 @@
-"""Runs of the pages of a paper, tables of all papers, the manifest, and the commands."""
+"""Run the pages of a paper, and check the tables of all papers, the manifest and the commands."""
 
 import os
 import subprocess
@@ -65,7 +65,7 @@ def test_update_fills_an_empty_ledger(project):
     assert {row.page for row in fresh if row.basis != "reading"} == {"audit/demo"}
 
 
-def test_update_keeps_agreeing_values_and_declared_verdicts(project):
+def test_update_keeps_agreeing_values_and_declares_no_verdict(project):
     write_rows(PATH, [replace(KP, computed="1.315100001"), *ROWS[1:]])
     assert not any("computed" in change for change in update("demo").changes)
     write_notebook(PAGE, *[cell.replace("1.3151", "7") for cell in CELLS])
@@ -74,7 +74,7 @@ def test_update_keeps_agreeing_values_and_declared_verdicts(project):
         load_all()
 
 
-def test_first_closing_page_reports_a_missing_row(project):
+def test_a_row_belongs_to_the_first_page_that_closes_the_ledger(project):
     cells = [
         "from paperledger import Ledger\nbook = Ledger.open('demo')",
         "book.compare({'t1.ti': 2.868})",
@@ -85,7 +85,7 @@ def test_first_closing_page_reports_a_missing_row(project):
     assert update("demo").changes == ["demo.t1.ti: page 'audit/demo' -> 'demo'"]
 
 
-def test_update_reports_remaining_work(project):
+def test_update_reports_what_is_left(project):
     write_rows(PATH, [*ROWS, replace(KP, id="demo.new", computed=""), replace(S1, id="demo.s9", evidence="")])
     assert update("demo").problems == [
         "demo.new: 'computed' is empty",
@@ -114,7 +114,7 @@ def test_update_stores_nothing_when_a_cell_fails(project, line, message):
     assert PATH.read_bytes() == before
 
 
-def test_pages_are_found_by_their_ledger(project):
+def test_pages_are_found_by_what_they_open(project):
     assert pages("demo", PATH.resolve().parent) == [PAGE.resolve()]
     with pytest.raises(LedgerError, match="other"):
         update("other")
@@ -152,7 +152,7 @@ def test_the_manifest_shows_what_was_changed(tmp_path, changed):
     assert freeze(tmp_path) == []
 
 
-def test_removed_claim_needs_a_reason(tmp_path):
+def test_removing_a_claim_needs_a_reason(tmp_path):
     write_rows(tmp_path / "demo.csv", ROWS)
     freeze(tmp_path)
     frozen = (tmp_path / "manifest.csv").read_text(encoding="utf-8")
@@ -200,7 +200,7 @@ def test_errata_have_the_rows_of_one_verdict(project):
     assert repr(page).splitlines()[1].split() == ["claim", "printed", "computed", "difference", "why"]
 
 
-def test_every_row_links_to_chapter_and_audit(project):
+def test_every_row_leads_to_the_chapter_and_its_evidence(project):
     (project / "book" / "demo.ipynb").write_text('{"cells": []}', encoding="utf-8")
     page = every_row()
     assert (
@@ -234,7 +234,7 @@ def test_commands(project, capsys):
     assert f"{page}: rewritten" in out
 
 
-def test_new_paper_lists_missing_places(project, capsys):
+def test_a_new_paper_says_what_it_lacks(project, capsys):
     (project / "README.md").write_text("<!-- score --><!-- /score -->\n", encoding="utf-8")
     (project / "book" / "references.bib").write_text("", encoding="utf-8")
     (project / "CITATION.cff").write_text("", encoding="utf-8")
@@ -251,7 +251,7 @@ def test_new_paper_lists_missing_places(project, capsys):
     assert main(["new", "sixth2030"]) == main(["new", "Sixth"]) == 1
 
 
-def test_failing_commands_print_the_error(project, capsys):
+def test_failing_commands_return_1_and_explain_why(project, capsys):
     write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, computed="7")])
     (project / "two.md").write_text("<!-- score --><!-- /score -->\n" * 2, encoding="utf-8")
     for command in (
@@ -265,7 +265,7 @@ def test_failing_commands_print_the_error(project, capsys):
         assert capsys.readouterr().err
 
 
-def test_commands_work_with_a_limited_encoding(project):
+def test_commands_run_with_a_narrow_encoding(project):
     write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, quantity="τ, 3 ≤ κ"), *ROWS[1:]])
     environment = os.environ | {
         "PYTHONIOENCODING": "cp1252",

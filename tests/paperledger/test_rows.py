@@ -1,4 +1,4 @@
-"""Validation of rows and of their file."""
+"""Validate rows and their file."""
 
 from dataclasses import replace
 
@@ -61,7 +61,7 @@ def test_validation(project, row, change, message):
     assert row.id in str(caught.value)
 
 
-def test_removed_id_is_not_reused(project):
+def test_an_id_that_was_removed_is_never_used_again(project):
     path = project / "book" / "ledger" / "removed.csv"
     path.write_text("id,reason\ndemo.t1.kp,one fact counted twice\n", encoding="utf-8")
     with pytest.raises(LedgerError, match=r"demo\.t1\.kp: was removed"):
@@ -126,7 +126,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("hostile", HOSTILE.values(), ids=HOSTILE)
-def test_malformed_files_give_messages(project, capsys, hostile):
+def test_hostile_files_are_refused_with_a_message(project, capsys, hostile):
     path = project / "book" / "ledger" / "demo.csv"
     head = path.read_text(encoding="utf-8").partition("\n")[0] + "\n"
     (project / "README.md").write_text("<!-- score -->\n<!-- /score -->\n", encoding="utf-8")
@@ -141,7 +141,7 @@ def test_malformed_files_give_messages(project, capsys, hostile):
     assert main(["update", "("]) == 1
 
 
-def test_full_disk_keeps_the_old_ledger(project, monkeypatch):
+def test_a_full_disk_leaves_the_old_ledger(project, monkeypatch):
     folder = project / "book" / "ledger"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
 

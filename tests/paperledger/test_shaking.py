@@ -1,4 +1,4 @@
-"""With a slightly changed library computed rows move, and each way of copying is detected."""
+"""Perturb a library: what a page computes with it moves, and each way of copying a number is noticed."""
 
 import json
 import os
@@ -152,7 +152,7 @@ def rows_of(values, **columns):
 
 
 def shaken(project, rows, *cells, stored=True):
-    """Store the results of a page, then run it with a changed library."""
+    """Store what a page hands over, then shake the library that it uses."""
     write_rows(project / "book" / "ledger" / "demo.csv", rows)
     (project / "book" / "audit" / "demo.ipynb").unlink(missing_ok=True)
     write_notebook(project / "book" / "demo.ipynb", SETUP, *cells)
@@ -172,14 +172,14 @@ def shake_demo(said):
     sys.exit(status)
 
 
-def test_computed_rows_move(library):
+def test_what_the_library_computes_moves(library):
     cells = [f"book.compare({{{id!r}: {code}}})" for id, code in INNOCENT.items()]
     status, said = shaken(library, rows_of(INNOCENT), *cells, "book.close()")
     assert said == "demo: 14 of 15 rows move, 1 say why they stay\n"
     assert status == 0
 
 
-def test_each_copy_is_detected(library):
+def test_each_copied_number_is_noticed(library):
     cells = [f"b = book\nb.compare({{{id!r}: {code}}})" for id, (code, _) in GUILTY.items()]
     status, said = shaken(library, rows_of(GUILTY), *cells, "book.close()")
     assert status == 1
@@ -232,8 +232,8 @@ def test_nothing_is_written_beside_the_library(library):
     assert all(cell["outputs"] == [] for cell in notebook["cells"])
 
 
-def test_reused_ids_are_not_confused():
-    """An id is reused as soon as its object is deleted."""
+def test_reused_memory_addresses_are_not_confused():
+    """Python gives an `id` to another object as soon as the first one is gone."""
     pair = type("Pair", (), {"__module__": "demo"})
     passing = {"Pair": lambda found, off: [off(np.full(3, float(k)), "a field") for k in range(1, 9)]}
     found = Shaker("demo", whole=passing).off(pair(), "door")

@@ -1,4 +1,4 @@
-"""Verdicts of printed numbers and of statements that follow from numbers."""
+"""Derive verdicts of printed numbers and of statements."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_drift_of_evidence(old, new, same):
         (1.5e-8, -19, "1.500000000e-8"),
     ],
 )
-def test_stored_text_has_its_precision(value, floor, stored):
+def test_stored_text_says_how_precise_it_is(value, floor, stored):
     assert write(value, floor) == stored
 
 
@@ -144,7 +144,7 @@ def test_evidence_is_the_inequality_with_its_digits(left, sign, right, text, ver
         ("residual < 1e-9 | rounding", 1e-12, "no convention 'rounding'"),
     ],
 )
-def test_incomparable_sides_raise(relation, cases, message):
+def test_what_cannot_be_compared(relation, cases, message):
     with pytest.raises(LedgerError, match=message):
         Relation.parse(relation).decide(cases)
 
@@ -178,7 +178,7 @@ def test_conventions_are_those_of_the_notation_page(relation, left, right, kept,
     assert evidence.verdict == verdict
 
 
-def test_worst_case_or_best_case_decides():
+def test_every_takes_the_worst_case_and_some_the_best():
     cases = {"a": (1.0, 2.0), ("b", 3): (1.9, 2.0), "c | d": (3.0, 9.0)}
     every, some = Relation.parse("A < B"), Relation.parse("A < B | some")
     assert str(every.decide(cases)) == "1.900000000 < 2.000000000 | worst of 3: b, 3; ratio 0.33 to 0.95"
@@ -223,7 +223,7 @@ def test_a_statement_that_holds_in_part(declared):
         ("holds for: load; quiet; loud", "quiet is declared to hold"),
     ],
 )
-def test_a_part_that_was_not_declared(declared, wrong):
+def test_an_undeclared_part_is_refused(declared, wrong):
     with pytest.raises(LedgerError, match=wrong):
         Relation.parse(f"A <= B | {declared}").decide(PARTS)
 

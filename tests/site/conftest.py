@@ -1,4 +1,4 @@
-"""Fixtures of the tests of the site: the built site, a browser, the table of contents."""
+"""Provide the built site, a browser and the table of contents."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# No other host has an address, so a request to one is detected and fails.
+# No other host has an address: a request for one is seen, and goes nowhere.
 ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",  # else it draws with a graphics card in software
@@ -83,7 +83,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def tab(browser):
-    """Share one tab in all tests of a file, since opening a tab takes longer than loading a page."""
+    """Return one tab for all tests of a file: opening a tab takes longer than loading a page."""
     context = browser.new_context()
     yield context.new_page()
     context.close()
@@ -91,9 +91,9 @@ def tab(browser):
 
 @pytest.fixture
 def visit(browser, tab):
-    """Open a page. Return it with a list to which later errors of the page are appended.
+    """Return a function that opens a page, and returns it with the growing list of what goes wrong on it.
 
-    Pages know nothing of those before. A test that opens a second one still has the first.
+    Storage is cleared before. A second page opens in a new tab, so that the first stays open.
     """
     opened, heard = [], []
 
@@ -134,7 +134,7 @@ def visit(browser, tab):
 
 @pytest.fixture
 def lab(site, visit):
-    """Open the lab, optionally with a state in the address, and check that the page has no errors."""
+    """Return a function that opens the lab at an address. Nothing may go wrong on the page."""
     opened = []
 
     def open_lab(address=None, **how):

@@ -1,4 +1,4 @@
-"""Read the content of the lab and live figures: numbers and lines of plots, and the effect of each knob."""
+"""Read numbers and lines of the plots in the lab and live figures, and turn their knobs."""
 
 import json
 import re
@@ -21,13 +21,13 @@ PLOTS = r"""host => [...host.querySelectorAll(".lab-plots svg")].map(svg => ({
 
 @dataclass(frozen=True)
 class Axis:
-    """Scale of an axis in units of the image, from the labels of two grid lines."""
+    """The position of values in the units of the picture, from two labelled lines of the grid."""
 
     values: np.ndarray
     places: np.ndarray
 
     def log(self) -> bool:
-        """True if labels are powers of ten, since equal steps differ by at most a factor of two."""
+        """Return True if the axis is logarithmic. Neighbours on a linear axis differ by at most a factor of 2."""
         return bool(self.values[1] > 2 * self.values[0] > 0)
 
     def place(self, values) -> np.ndarray:
@@ -45,12 +45,12 @@ class Plot:
     lines: list[tuple[str, np.ndarray]]
 
     def line(self, kind: str) -> np.ndarray:
-        """Return the points of the line of one class, in units of the image."""
+        """Return the points of the line of one class, in the units of the picture."""
         (found,) = [points for name, points in self.lines if name == kind]
         return found
 
     def apart(self, kind: str, x, y) -> float:
-        """Return the largest distance between a line of the plot and a curve, in both directions, inside the frame."""
+        """Return the largest distance between a line of the plot and a curve, inside the frame."""
         curve, line = _thinned(np.column_stack([self.x.place(x), self.y.place(y)])), self.line(kind)
         return max(_farthest(self._seen(line), curve), _farthest(self._seen(curve), line))
 
@@ -60,14 +60,14 @@ class Plot:
 
 
 def _thinned(curve: np.ndarray) -> np.ndarray:
-    """Return points of a curve that are at least STEP apart along the curve."""
+    """Return points of a curve, at least STEP apart along it."""
     curve = curve[np.isfinite(curve).all(axis=1)]
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
     return curve[np.unique(way // STEP, return_index=True)[1]]
 
 
 def _farthest(points: np.ndarray, line: np.ndarray) -> float:
-    """Return the largest distance of points from a line through others."""
+    """Return the largest distance of points from a line."""
     start, step = line[:-1], np.diff(line, axis=0)
     length = np.maximum((step**2).sum(axis=1), 1e-12)
     worst = 0.0
@@ -135,7 +135,7 @@ IDLE_ENDS = """async (bar) => {
 # A figure draws at the next frame after a knob has moved.
 DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
-# The numbers that a figure must show after its knobs were turned, computed by the scripts of the page.
+# What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
 EXPECTED = """([told, turned]) => {
   const { PLANTS, RULES, study } = pidalabModel, { NUMBERS } = pidalabLab;
   const plant = structuredClone(PLANTS[told.plant] ?? told.plant), conditions = { end: plant.end, ...told.conditions };
@@ -157,8 +157,8 @@ EXPECTED = """([told, turned]) => {
 }"""
 
 
-def failed_figures(page):
-    """List live figures without a plot or a description, or with a loop that could not be made."""
+def undrawn(page):
+    """List live figures of an open page without a plot, a loop or a spoken description."""
     page.wait_for_function(HEARD, timeout=20_000)
     return page.evaluate(UNDRAWN)
 
@@ -174,12 +174,12 @@ def told(path):
 
 
 def rows(host):
-    """Return the cells of the table without its head and names."""
+    """Return the cells of the table without head and names."""
     return [row[1:] for row in host.evaluate(CELLS)[1:]]
 
 
 def as_shown(numbers):
-    """Return numbers of a loop with three digits. One cell replaces those that an unstable loop lacks."""
+    """Return the numbers of a loop with three digits; an unstable loop has one cell in place of missing ones."""
     known = [f"{float(text):.3g}" for text in numbers if text is not None]
     return [*(["unstable"] if len(known) < len(numbers) else []), *known]
 
@@ -192,7 +192,7 @@ def as_read(row):
 
 
 def idle_ends(page, host, knob):
-    """Return the ends of a knob's range where nothing changes, and restore the knob."""
+    """List the ends of a knob's range where nothing moves. Restore the knob."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
     box = row.locator("input[type=text]")
     before = box.input_value()
@@ -203,7 +203,7 @@ def idle_ends(page, host, knob):
 
 
 def turn(page, host, knob):
-    """Move a knob by a tenth of its range. Return its new value after the figure has changed."""
+    """Move a knob by a tenth of its range; return its new value after the figure has followed."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
     bar = row.locator("input[type=range]")
     before = [bar.element_handle(), bar.get_attribute("aria-valuetext")]
@@ -215,9 +215,9 @@ def turn(page, host, knob):
     return float(value)
 
 
-def wrong_knobs(page, path):
-    """Turn each knob of each live figure of an open page, and list problems."""
-    figures, wrong = told(path), failed_figures(page)
+def astray(page, path):
+    """Turn each knob of each live figure of an open page, and list what goes wrong."""
+    figures, wrong = told(path), undrawn(page)
     if page.locator(".pidalab-live").count() != len(figures):
         wrong.append(f"{len(figures)} live figures in the source, not so many on the page")
     for k, figure in enumerate(figures):

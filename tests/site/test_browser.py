@@ -1,4 +1,4 @@
-"""The built book in a browser, in light and dark mode, on wide and narrow screens."""
+"""Check the built book in a browser: light and dark, wide and narrow, search, print and slides."""
 
 import re
 import threading
@@ -8,7 +8,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from looking import NARROW, OVERFLOW, barriers, contrasts, looked_over
-from pictured import wrong_knobs
+from pictured import astray
 
 
 class QuietHandler(SimpleHTTPRequestHandler):
@@ -35,7 +35,7 @@ def test_page(page_name, home, site, visit):
     """Each page is loaded once for all checks, since loading takes longest."""
     page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
-    assert wrong_knobs(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
+    assert astray(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
 
 
 # pages with every kind of text, table, figure and control that the book has
@@ -52,7 +52,7 @@ COLOURED = [
 
 
 @pytest.mark.parametrize("name", COLOURED)
-def test_texts_and_links_have_contrast(name, home, visit):
+def test_texts_and_links_have_enough_contrast(name, home, visit):
     page, _ = visit(f"{home}/book/{name}.html")
     assert contrasts(page) == []
 
@@ -64,7 +64,7 @@ def test_every_page_forbids_other_hosts(site):
     assert [path.name for path in pages if policy not in path.read_text(encoding="utf-8")] == []
 
 
-def test_page_cannot_contact_another_host(home, visit):
+def test_a_page_cannot_ask_another_host(home, visit):
     page, wrong = visit(f"{home}/book/notation.html")
     page.evaluate("fetch('https://example.org/').catch(() => 0)")
     page.wait_for_timeout(100)
@@ -72,12 +72,12 @@ def test_page_cannot_contact_another_host(home, visit):
 
 
 @pytest.mark.parametrize("place", ["lab.html#%", "scoreboard.html#%E0%A4%A"])
-def test_address_with_a_stray_percent_sign(place, home, visit):
+def test_a_malformed_address_causes_no_error(place, home, visit):
     _, wrong = visit(f"{home}/book/{place}")
     assert wrong == []
 
 
-def test_theme_follows_the_system(home, visit):
+def test_the_theme_follows_the_system(home, visit):
     page, wrong = visit(f"{home}/book/intro.html", "dark")
     assert page.locator("html").get_attribute("data-theme") == "dark"
     assert wrong == []
@@ -117,7 +117,7 @@ FOUND = """(queries) => queries.map((query) => {
 })"""
 
 
-def test_search_finds_the_right_sections(home, visit):
+def test_search_finds_sections_that_answer(home, visit):
     page, wrong = visit(f"{home}/search.html?q=dead+time")
     page.locator("#search-results li a").first.wait_for()
     found = dict(zip([*ANSWERED, *WORDS], page.evaluate(FOUND, [*ANSWERED, *WORDS]), strict=True))
@@ -158,7 +158,7 @@ FETCHED = (
 )
 
 
-def test_phone_fetches_only_figures_of_its_theme(visit, site):
+def test_a_phone_fetches_the_figures_of_its_theme(visit, site):
     page, _ = visit((site / "book" / "learn" / "limits.html").as_uri(), viewport=NARROW)
     assert [page.evaluate(FETCHED, theme) for theme in ("light", "dark")] == [True, False]
 
@@ -169,7 +169,7 @@ COUNTS = """() => [...document.querySelectorAll(".pidalab-live")].map((figure) =
 
 
 def test_pages_without_javascript_show_pictures(browser, site):
-    """There is one image for each live figure in each theme, and the lab says that it needs JavaScript."""
+    """Each live figure has one in each theme. The lab says that it needs JavaScript."""
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
     paths = [
@@ -232,7 +232,7 @@ def test_slides_in_the_dark_on_a_phone(lectures, visit):
     assert wrong + barriers(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
 
 
-def test_keys_on_a_slider_do_not_change_the_slide(lectures, visit):
+def test_arrow_keys_move_a_slider_and_not_the_slides(lectures, visit):
     page, _ = visit(f"{lectures['what-acceleration-does']}#slides")
     while not page.locator(".now .pidalab-live").count():
         page.keyboard.press("ArrowRight")

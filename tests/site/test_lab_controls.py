@@ -1,4 +1,4 @@
-"""Each switch and button of the lab works, or the lab says why it cannot."""
+"""Check the switches and buttons of the lab."""
 
 import re
 
@@ -14,13 +14,13 @@ CONTROL = "Control signal u, step of the set point"
 
 
 def says(page, words):
-    """Wait until the message of the lab contains these words."""
+    """Wait until the lab says these words."""
     page.wait_for_function(
         "words => document.querySelector('.lab-live').textContent.includes(words)", arg=words
     )
 
 
-def test_copy_remove_and_reset(lab):
+def test_copy_remove_and_restart(lab):
     page = lab()
     press(page, "Add a copy")
     page.wait_for_function(f"() => ({ROWS})() === 2")
@@ -51,7 +51,7 @@ def test_a_link_is_copied(lab):
 
 
 @pytest.mark.parametrize("damping", [0.4, 1.0])
-def test_own_plant_and_rule_outside_its_range(lab, damping):
+def test_an_own_plant_may_have_no_rule(lab, damping):
     page = lab()
     choose(page, "plant", "own")
     values = {
@@ -75,7 +75,7 @@ def test_own_plant_and_rule_outside_its_range(lab, damping):
     assert np.allclose(eval(call, {"pidalab": pidalab})(s), expected, rtol=1e-6)
 
 
-def test_slider_extends_to_the_entered_value(lab):
+def test_a_slider_extends_to_the_entered_value(lab):
     page = lab()
     choose(page, "plant", "own")
     for label, value, key, low, high in (
@@ -123,7 +123,7 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
     assert noisy[1] > 5 * calm[1]  # the kick meets the upper limit once, the noise again and again
 
 
-def test_each_anti_windup_by_its_switch(lab):
+def test_each_anti_windup_option(lab):
     page, iae = lab(), []
     follow(
         page,

@@ -1,4 +1,4 @@
-"""Compare live figures with the library."""
+"""Compare what live figures show with the library."""
 
 import json
 import re
@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from pictured import CELLS, plots, rows, failed_figures
+from pictured import CELLS, plots, rows, undrawn
 
 import pidalab
 from pidalab.digital import DigitalController
@@ -27,7 +27,7 @@ CAPTIONED = """<!doctype html><html lang="en" data-content_root="./"><meta chars
 
 @pytest.fixture
 def open_figure(root, tmp_path, visit):
-    """Open a page with one live figure and the scripts of the book."""
+    """Return a function that opens a page with one live figure and the book's scripts."""
 
     def open_figure(html):
         shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
@@ -122,7 +122,7 @@ def shown(open_figure, **more):
     page, wrong = open_figure(
         CAPTIONED % (json.dumps(pidalab.plots.live(PROCESS, CONTROLLERS, **more).state), SCRIPTS)
     )
-    assert failed_figures(page) + wrong == []
+    assert undrawn(page) + wrong == []
     host = page.locator(".pidalab-live")
     head, *rows = host.evaluate(CELLS)
     assert [row[0] for row in rows] == list(CONTROLLERS)
@@ -135,7 +135,7 @@ def shown(open_figure, **more):
     return [dict(zip(more["numbers"], row, strict=True)) for row in found], plots(host)
 
 
-def test_linear_loops_match_library(open_figure):
+def test_numbers_and_curves_of_linear_loops_are_those_of_the_library(open_figure):
     found, drawn = shown(open_figure, plots=PLOTS, numbers=list(NUMBERS), conditions={"end": END})
     assert len(drawn) == len(PLOTS)
     for k, controller in enumerate(CONTROLLERS.values()):
@@ -147,7 +147,7 @@ def test_linear_loops_match_library(open_figure):
 
 
 @pytest.mark.parametrize("way", ["none", "clamping", "conditioning"])
-def test_limited_digital_loops_match_library(open_figure, way):
+def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
     h, limits, names = 0.25, (-1.05, 1.5), {"none": None, "conditioning": "reset"}
     found, drawn = shown(
         open_figure,
@@ -164,15 +164,15 @@ def test_limited_digital_loops_match_library(open_figure, way):
             assert drawn[title].apart(f"lab-{LOOKS[k]}", *expected) < 1.0, (title, k)
 
 
-def test_live_figure_replaces_image_and_keeps_caption(open_figure):
+def test_a_live_figure_replaces_its_picture_and_keeps_the_caption(open_figure):
     page, wrong = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
-    assert failed_figures(page) + wrong == []
+    assert undrawn(page) + wrong == []
     assert page.locator("#fig img").count() == 0
     assert page.locator("#fig figcaption").inner_text() == "Words. Open in the lab."
     assert page.locator("#fig svg").count() == 1
 
 
-def test_unstable_loop_is_described_in_words(open_figure):
+def test_an_unstable_loop_has_a_row(open_figure):
     page, _ = open_figure(CAPTIONED % (LIVE_STATE.replace('"kp": 1', '"kp": 9'), SCRIPTS))
     ((verdict, first, hump),) = rows(page.locator(".pidalab-live"))
     assert verdict == "unstable"
@@ -180,7 +180,7 @@ def test_unstable_loop_is_described_in_words(open_figure):
     assert re.fullmatch(r"[\d.]+", hump)
 
 
-def test_live_figure_links_to_the_lab_with_its_loops(lab, open_figure):
+def test_the_link_of_a_live_figure_opens_its_loops_in_the_lab(lab, open_figure):
     page, _ = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
     link = page.get_by_role("link", name="Open in the lab.")
     state = "() => pidalabModel.read(new URL(document.querySelector('a').href).hash)"
@@ -194,7 +194,7 @@ def test_live_figure_links_to_the_lab_with_its_loops(lab, open_figure):
     assert float(rows(there.locator(".pidalab-lab"))[0][2]) == pytest.approx(float(ms), abs=0.01)
 
 
-def test_first_lecture_agrees_with_its_live_figure(visit, site):
+def test_the_first_lecture_prints_what_its_live_figure_shows(visit, site):
     page, _ = visit((site / "book" / "learn" / "what-acceleration-does.html").as_uri())
     output = page.locator(".cell_output .output", has_text="noise gain").first.inner_text()
     printed = re.findall(r"Ms ([\d.]+), IAE ([\d.]+), relative noise gain ([\d.]+)", output)

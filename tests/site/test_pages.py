@@ -1,4 +1,4 @@
-"""The book's files and its built pages, read without a browser. Each check lists its findings."""
+"""Check the book's notebooks and built pages without a browser."""
 
 import importlib
 import re
@@ -26,12 +26,12 @@ FOLDS = {"hide-input", "hide-cell"}
 
 
 def shows(output) -> bool:
-    """Return True if an output is visible on its page, and not kept for another page."""
+    """Return True if a reader sees an output; one that is kept for another page is not seen."""
     return "scrapbook" not in output.get("metadata", {})
 
 
 def notebook_problems(path: Path) -> list[str]:
-    """List outputs that are missing, failed, out of order or without text, and empty folds."""
+    """List outputs that are missing, failed, out of order or without words, and folds with nothing in them."""
     cells = [
         cell
         for cell in nbformat.read(path, as_version=4).cells
@@ -68,7 +68,7 @@ LOADS = "stylesheet icon preload prefetch modulepreload preconnect dns-prefetch 
 
 
 class Page(HTMLParser):
-    """Anchors of a page, its links, the addresses that a browser loads for it, and its text."""
+    """Anchors, links, loaded addresses, heading and words of a page."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -110,13 +110,13 @@ def read_pages(site: Path) -> dict[Path, Page]:
 
 
 def test_every_page_of_the_toc_is_built(toc, site):
-    """It has a heading and text, not only the frame."""
+    """With a heading and text, not only the frame."""
     built = read_pages(site)
     pages = {name: built.get(site / f"{name}.html") for name in toc}
     assert [name for name, page in pages.items() if not (page and page.heading and page.words)] == []
 
 
-def test_no_figure_has_black_lines_in_dark_mode(site):
+def test_no_figure_is_black_in_the_dark(site):
     twins = list((site / "_images").glob("*-dark.svg"))
     assert twins
     black = re.compile(r"""["' :](#000|#000000|black)\b""")
@@ -131,7 +131,7 @@ def test_notebooks(root, toc):
 
 
 def test_no_link_is_broken(site):
-    """Links and loaded files are files of the site, and anchors exist on their pages."""
+    """Links and loaded files lead to a file of the site, and anchors to a place on its page."""
     pages, wrong = read_pages(site), []
     for path, page in pages.items():
         for address in page.links + page.loads:
@@ -150,13 +150,13 @@ def test_no_link_is_broken(site):
 
 
 def loose_marks(page: str) -> int:
-    """List inline formulas that a browser may separate from their comma or bracket."""
+    """Count formulas whose comma or bracket a browser may put on another line."""
     tied = '<span class="tied">'
     after = rf'(?<!{tied})(?<!{tied}\()<span class="math [^>]*>[^<]*</span>[,.;:!?)]'
     return len(re.findall(after, page)) + len(re.findall(rf'(?<!{tied})\(<span class="math ', page))
 
 
-def test_formula_stays_with_its_comma(site):
+def test_a_formula_keeps_its_comma(site):
     pages = list(site.glob("book/**/*.html"))
     assert len(pages) > 20
     assert [page.name for page in pages if loose_marks(page.read_text(encoding="utf-8"))] == []
@@ -182,7 +182,7 @@ def lessons(root) -> dict[str, list]:
     return {path.name: cells_of(path) for path in paths}
 
 
-def test_every_exercise_has_an_executed_answer(lessons):
+def test_every_exercise_has_an_answer_in_words_that_was_run(lessons):
     """It has a sentence, and a cell that printed or drew something."""
     for name, cells in lessons.items():
         text = "\n".join(RUN if c.cell_type == "code" and c.outputs else c.source for c in cells)
@@ -204,7 +204,7 @@ def test_every_live_figure_leads_to_the_lab_with_its_loops(lessons):
         ), name
 
 
-def test_every_fold_has_a_name(root):
+def test_every_fold_of_code_says_what_it_shows(root):
     """Names are unique on a page."""
     for path in sorted((root / "book").rglob("*.ipynb")):
         hidden = [c for c in cells_of(path) if {"hide-input", "hide-cell"} & set(c.metadata.get("tags", []))]
@@ -228,7 +228,7 @@ DATA = {
 }
 
 
-def test_sheets_list_replies_to_wrong_answers():
+def test_sheets_print_the_word_for_each_wrong_answer():
     assert sheets.said(DATA) == [
         ("0.4", "The inverse."),
         ("gm", "The margin it has."),
@@ -240,7 +240,7 @@ def test_sheets_list_replies_to_wrong_answers():
 
 
 @pytest.mark.parametrize(("kind", "shown"), [(name, shown) for name, (_, shown) in sheets.KINDS.items()])
-def test_sheets_have_every_task(site, kind, shown):
+def test_a_sheet_has_every_task_and_what_is_for_its_reader(site, kind, shown):
     soup = sheets.sheet("Tasks", shown)
     tasks = soup.select(".pidalab-task")
     assert len(tasks) == sum(len(found) for _, found in sheets.collected()) >= 24

@@ -88,9 +88,11 @@
 
   const MOST = 800; // samples of a fit
   const NEGLIGIBLE = 2e-3; // share of all times below which a lag or a dead time is left out
-  /* Structures, from unknowns that are free: logarithms of times, and a share or a damping. */
   const share = (x) => 1 / (1 + Math.exp(-x));
+  /* Structures, the simplest first: noise must not decide about further lags. The unknowns are free: logarithms of times,
+     and a share or a damping. */
   const STRUCTURES = [
+    { name: "a lag and a dead time", from: [], own: ([t]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 1, integrating: false }) },
     { name: "lags and a dead time", from: [0, -1], own: ([t, s, r]) => ({ t1: Math.exp(t), t2: Math.exp(t) * share(s), t3: Math.exp(t) * share(s) * share(r), damping: 1, integrating: false }) },
     { name: "an integrator, a lag and a dead time", from: [], own: ([t]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 1, integrating: true }) },
     { name: "an oscillating pair and a dead time", from: [0], own: ([t, s]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 0.02 + 0.97 * share(s), integrating: false }) },
@@ -129,7 +131,7 @@
     if (!Number.isFinite(best.rest)) throw new RangeError("no model fits this record");
     // a lag or a dead time that no sample can show is none of the model
     const together = best.own.t1 + best.own.t2 + best.own.t3 + best.own.delay;
-    for (const lag of ["t2", "t3", "delay"]) if (best.own[lag] < NEGLIGIBLE * together) best.own[lag] = 0;
+    for (const lag of [...(best.own.integrating ? ["t1"] : []), "t2", "t3", "delay"]) if (best.own[lag] < NEGLIGIBLE * together) best.own[lag] = 0;
     const whole = output.reduce((sum, value) => sum + value, 0) / output.length, total = output.reduce((sum, value) => sum + (value - whole) ** 2, 0);
     return { own: best.own, name: best.structure.name, t: grid, fitted: Array.from(best.fitted), sigma: Math.sqrt(best.rest / output.length), explained: 1 - best.rest / total, span: Math.max(...moved) - Math.min(...moved, 0), h };
   }
