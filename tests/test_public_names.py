@@ -66,13 +66,7 @@ def methods(kind, path, seen):
 def collect():
     found, seen = {}, set()
     for name in MODULES:
-        try:
-            module = importlib.import_module(name)
-        except ModuleNotFoundError as missing:
-            if missing.name != name:
-                raise
-            continue
-        found.update(walk(module, name, seen))
+        found.update(walk(importlib.import_module(name), name, seen))
     return found
 
 

@@ -96,7 +96,7 @@ def files() -> Iterator[tuple[str, bytes]]:
             yield inside.as_posix(), path.read_bytes()
         elif path.suffix == ".ipynb" and not any(part.startswith(".") for part in inside.parts):
             yield inside.with_suffix(".json").as_posix(), json.dumps(cells(path)).encode()
-    for name in ("_static/run/session.py", "_ext/figures_for_dark.py", "_ext/accessible.py"):
+    for name in ("_static/run/session.py", "_ext/figures_for_dark.py", "_ext/completing.py"):
         yield f"site/{Path(name).name}", (ROOT / "book" / name).read_bytes()
     fonts = home("matplotlib") / "mpl-data"
     for path in sorted(found for pattern in WANTED["data"] for found in fonts.glob(pattern)):

@@ -150,3 +150,7 @@ class Instance:
             vars(self)[name] = self._cast(kind, value)
         self._run(self)
         return self
+
+    def step(self, **inputs):
+        """Run the block once; return its control signal."""
+        return self(**inputs).control

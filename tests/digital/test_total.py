@@ -86,6 +86,24 @@ def by_step(k, row):
     return k.step(row["setpoint"], row["measurement"], manual, track, **more)
 
 
+def by_python(k):
+    """Return an instance of the written Python."""
+    space = {}
+    exec(k.python("loop"), space)
+    return space["Loop"]()
+
+
+def by_text(k):
+    """Return an instance of the written structured text."""
+    return Instance(read(k.structured_text("loop")), "loop")
+
+
+def reference_of(k):
+    """Return a function that runs the controller's own `step` with a row, after a reset."""
+    k.reset()
+    return lambda **row: by_step(k, row)
+
+
 @pytest.fixture(scope="module", params=CASES)
 def run(request):
     """Return a controller, rows of inputs, and the output of `step` for each."""
@@ -129,18 +147,12 @@ def test_bad_samples_are_skipped(run):
 
 
 def test_python_structured_text_and_json_match_step(run):
-    k, rows, found = run
-    space = {}
-    exec(k.python("loop"), space)
-    block = space["Loop"]()
-    for row, expected in zip(rows, found, strict=True):
-        assert (block.step(**row), block.fault, block.at_limit) == expected
-    block = Instance(read(k.structured_text("loop")), "loop")
-    for row, expected in zip(rows, found, strict=True):
-        block(**row)
-        assert (block.control, block.fault, block.at_limit) == expected
-    read_back = from_json(k.json())
-    for row, expected in zip(rows, found, strict=True):
+    k, rows, outputs = run
+    python, text, read_back = by_python(k), by_text(k), from_json(k.json())
+    for row, expected in zip(rows, outputs, strict=True):
+        assert (python.step(**row), python.fault, python.at_limit) == expected
+        text(**row)
+        assert (text.control, text.fault, text.at_limit) == expected
         assert by_step(read_back, row) == expected[0]
 
 
@@ -174,11 +186,9 @@ def test_c_matches_step(run, tmp_path):
 def test_bad_gains_hold_the_output(name):
     """A program or an operator may write a bad gain into the running code. With good gains it continues."""
     k = CASES[name]
-    space = {}
-    exec(k.python("loop"), space)
     low, high = k.limits
     for gain, usual in program(k).gains.items():
-        block = space["Loop"]()
+        block = by_python(k)
         for y in (0.0, 0.1, 0.2):
             before = block.step(1.0, y)
         for bad in (*BAD, 1e10, -0.5 if gain.endswith(("NEW", "OLD")) and gain.startswith("PART") else 1e99):
@@ -206,26 +216,6 @@ LOOPS = {
 SPELLS = (*SIGNALS, "all, now and then")
 
 
-def by_python(k):
-    """Return a function that runs the written Python with a row."""
-    space = {}
-    exec(k.python("loop"), space)
-    block = space["Loop"]()
-    return lambda row: block.step(**row)
-
-
-def by_text(k):
-    """Return a function that runs the written structured text with a row."""
-    block = Instance(read(k.structured_text("loop")), "loop")
-    return lambda row: block(**row).control
-
-
-def reference_of(k):
-    """Return a function that runs the controller's own `step` with a row, after a reset."""
-    k.reset()
-    return lambda row: by_step(k, row)
-
-
 def closed(k, code, spell=None):
     """A lag of 1 in closed loop with some code; rows and outputs. Set point and load step while a spell lasts.
 
@@ -244,7 +234,7 @@ def closed(k, code, spell=None):
             for name in set(bad) & set(row):
                 row[name] = BAD[rng.integers(len(BAD))]
                 row |= {"manual_value": {"manual": True}, "track_value": {"tracking": True}}.get(name, {})
-        u = code(row)
+        u = code(**row)
         rows.append(row)
         found.append((x - k.bias, u))
         x += -math.expm1(-H) * (u - 0.5 * late - x)
@@ -276,8 +266,8 @@ def test_a_loop_returns_within_twenty_samples_of_the_last_bad_one(name, tmp_path
         most = np.max(apart[: last + 1], axis=0)
         assert most[0] > 0.2, spell  # the spell was felt
         assert np.all(apart[last + RETURN :] < RESIDUE * np.maximum(1.0, most)), spell
-        for written in (by_python(k), by_text(k), reference_of(from_json(k.json()))):
-            assert closed(k, written, spell)[1].tolist() == found.tolist()
+        for code in (by_python(k).step, by_text(k).step, reference_of(from_json(k.json()))):
+            assert closed(k, code, spell)[1].tolist() == found.tolist()
         assert [u for u, *_ in c(rows)] == found[:, 1].tolist()
 
 
@@ -311,9 +301,7 @@ def test_reset_restarts_the_controller_in_every_language(name):
     k = CASES[name]
     k.reset()
     expected = [k.step(0.3, y) for y in (0.0, 0.5, 0.1)]
-    space = {}
-    exec(k.python("loop"), space)
-    block, text = space["Loop"](), Instance(read(k.structured_text("loop")), "loop")
+    block, text = by_python(k), by_text(k)
     for start in range(3):
         found = []
         for i, y in enumerate((0.0, 0.5, 0.1)):

@@ -15,16 +15,6 @@ from pidalab.robustness.axis import SENSITIVITY, Axis
 from pidalab.robustness.in_z import axis_of
 
 
-def brute_force(loop, points=5_000_000, low=1e-4, high=1e4):
-    """Return the largest |S| and |T| on a dense grid."""
-    ms = mt = 0.0
-    for w in np.array_split(np.geomspace(low, high, points), 50):
-        L = loop.L(1j * w)
-        distance = np.abs(1 + L)
-        ms, mt = max(ms, 1 / distance.min()), max(mt, np.max(np.abs(L) / distance))
-    return ms, mt
-
-
 @pytest.mark.parametrize("damping", [0.01, 0.3, 0.5])
 def test_gain_that_just_touches_one(damping):
     """The peak of |L| is 1.0001. The two crossovers are closer than grid points, and still bound the delay."""
@@ -159,7 +149,8 @@ def test_closed_forms_at_the_ends(name):
 def test_stable_loops_with_zeros_and_poles_where_a_logarithm_or_a_quotient_fails(loop):
     result = margins(loop)
     assert result.stable
-    ms, mt = brute_force(loop, points=100_000)
+    s = 1j * np.geomspace(1e-4, 1e4, 100_000)
+    ms, mt = np.abs(loop.S(s)).max(), np.abs(loop.T(s)).max()
     assert (result.ms, result.mt) == pytest.approx((max(ms, 1.0), mt), rel=1e-3, abs=1e-9)
 
 

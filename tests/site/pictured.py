@@ -157,7 +157,7 @@ EXPECTED = """([told, turned]) => {
 }"""
 
 
-def undrawn(page):
+def failed_figures(page):
     """List live figures of an open page without a plot, a loop or a spoken description."""
     page.wait_for_function(HEARD, timeout=20_000)
     return page.evaluate(UNDRAWN)
@@ -215,9 +215,9 @@ def turn(page, host, knob):
     return float(value)
 
 
-def astray(page, path):
+def knob_problems(page, path):
     """Turn each knob of each live figure of an open page, and list what goes wrong."""
-    figures, wrong = told(path), undrawn(page)
+    figures, wrong = told(path), failed_figures(page)
     if page.locator(".pidalab-live").count() != len(figures):
         wrong.append(f"{len(figures)} live figures in the source, not so many on the page")
     for k, figure in enumerate(figures):

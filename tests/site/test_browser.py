@@ -8,7 +8,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from looking import NARROW, OVERFLOW, barriers, contrasts, looked_over
-from pictured import astray
+from pictured import knob_problems
 
 
 class QuietHandler(SimpleHTTPRequestHandler):
@@ -35,7 +35,7 @@ def test_page(page_name, home, site, visit):
     """Each page is loaded once for all checks, since loading takes longest."""
     page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
-    assert astray(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
+    assert knob_problems(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
 
 
 # pages with every kind of text, table, figure and control that the book has

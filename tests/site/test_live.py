@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from pictured import CELLS, plots, rows, undrawn
+from pictured import CELLS, failed_figures, plots, rows
 
 import pidalab
 from pidalab.digital import DigitalController
@@ -122,7 +122,7 @@ def shown(open_figure, **more):
     page, wrong = open_figure(
         CAPTIONED % (json.dumps(pidalab.plots.live(PROCESS, CONTROLLERS, **more).state), SCRIPTS)
     )
-    assert undrawn(page) + wrong == []
+    assert failed_figures(page) + wrong == []
     host = page.locator(".pidalab-live")
     head, *rows = host.evaluate(CELLS)
     assert [row[0] for row in rows] == list(CONTROLLERS)
@@ -166,7 +166,7 @@ def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
 
 def test_a_live_figure_replaces_its_picture_and_keeps_the_caption(open_figure):
     page, wrong = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
-    assert undrawn(page) + wrong == []
+    assert failed_figures(page) + wrong == []
     assert page.locator("#fig img").count() == 0
     assert page.locator("#fig figcaption").inner_text() == "Words. Open in the lab."
     assert page.locator("#fig svg").count() == 1

@@ -31,7 +31,7 @@ class Printed(io.TextIOBase):
 
 def show(*values, **_):
     """Show values as a notebook does: the richest form that each has."""
-    from accessible import repaired  # of the book, as when the page was built
+    from completing import repaired  # of the book, as when the page was built
 
     figures()
     for value in values:
