@@ -154,7 +154,7 @@ def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
 def draw_contest(g: int, u_until: float) -> Figure:
     """Draw the output left, the control signal right; set-point step above load step."""
     t, loops = np.linspace(0, 4, 8001), contest(g)
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.4))
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.9))
     step = {x: pidalab.step_response(smooth(C, 0.01), t) for x, C in loops.items()}
     load = {x: pidalab.load_response(C, t) for x, C in loops.items()}
     for row, runs, u_end in zip(axes, (step, load), (u_until, 4), strict=True):
