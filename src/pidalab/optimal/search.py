@@ -167,7 +167,7 @@ class Search:
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
     def look_at(self, peak: float, nearly: bool = False) -> None:
-        """Add frequencies around a peak; with `nearly` only if none is near."""
+        """Add frequencies around a peak, with `nearly` only if none is near."""
         if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
             self.w = np.append(self.w, peak * AROUND)
 

@@ -262,7 +262,7 @@ def tune_for_noise(
     Notes
     -----
     Fig. 5 starts from 0.1 in its example, updates once and then three times more. So 69 of the 70 filter times and
-    gains in Tables 3 to 5 come out within a unit of the last digit, and all 18 in Table 6. Settled values differ by up
+    gains in Tables 3 to 5 agree within a unit of the last digit, and all 18 in Table 6. Settled values differ by up
     to four units, in the rows that settle slowly (n = m, and m = 4).
 
     Examples
@@ -304,7 +304,7 @@ def tune_for_filter_noise(
     asymptotes of eq. (26). `pidalab.noise_gain` is that of the loop itself, and differs by some per cent if the filter
     is not much faster than the loop.
 
-    For n above m + 1 the estimate uses as little as a third of the noise gain; see the column σ_rel of Table 4.
+    For n above m + 1 the estimate uses as little as a third of the noise gain (see the column σ_rel of Table 4).
 
     Parameters
     ----------
