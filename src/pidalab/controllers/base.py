@@ -52,7 +52,7 @@ class Controller(Block):
     """
 
     proportional: tuple[str, ...] = ()
-    limits: tuple[float, float] = (-math.inf, math.inf)  # of the control signal
+    limits: tuple[float, float] = (-math.inf, math.inf)  # limits of the control signal
 
     def automatic_reset(self) -> AutomaticReset | None:
         """Return the automatic reset of the controller, or None if an integrator makes the integral action.

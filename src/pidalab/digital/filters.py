@@ -206,7 +206,8 @@ def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
     for k, gain in enumerate(others):
         if gain:
             result += gain / (lags[0] ** k if n else 1.0) * level[-1]
-        before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))  # that end at x_(i-1) end at x_i
+        # differences that end at x_(i-1) become differences that end at x_i
+        before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))
         level = (before - level[1:]) * (lags[0] / lags[k:])[:, np.newaxis] if k < n else level
     return result
 

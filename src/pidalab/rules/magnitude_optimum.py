@@ -48,7 +48,7 @@ MO_SOURCES = {
     "uncertainty": "from that of the areas",
 }
 UNSURE = 1.0  # relative uncertainty from which a gain is refused
-MOST_UPDATES = 300  # of a filter time that does not settle
+MOST_UPDATES = 300  # updates before a filter time counts as not settling
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # largest order m; beyond it, rounding errors of the areas dominate
 LOST = 1e-3  # largest relative error of a gain from rounding the areas

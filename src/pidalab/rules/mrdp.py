@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import control
 
 
-HIGHEST_MRDP_ORDER = 100  # of a controller or filter; beyond it factorials overflow
+HIGHEST_MRDP_ORDER = 100  # highest order of a controller or filter; with more, factorials overflow
 
 
 class Constants(NamedTuple):
