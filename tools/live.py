@@ -145,8 +145,10 @@ def fetch_engine() -> None:
 
 
 def main() -> None:
-    """Fill the folder, and print the sizes of the files that a browser will fetch."""
+    """Fill the folder, and print the sizes of the files that a browser will fetch. With `--fetch` only fetch."""
     fetch_engine()
+    if sys.argv[1:] == ["--fetch"]:
+        return
     (FOLDER / "book.pack.gz").write_bytes(gzip.compress(pack(list(files())), 9, mtime=0))
     # The hash is part of the address, so a browser keeps the engine when only the book has changed.
     parts = {

@@ -12,7 +12,7 @@ import pidalab
 from pidalab import plots
 from pidalab.rules import haalman
 
-t = np.linspace(0, 60, 6001)  # of every record: a sample each 0.01
+t = np.linspace(0, 60, 6001)  # times of every record, 0.01 apart
 processes = {"ex1": pidalab.lags(4), "ex2": pidalab.lags(8)}  # eqs. (11), (17)
 kinds = {"pida": "PIDA", "pid": "PID"}
 asked = {"ms14": 1.4, "ms20": 2.0}
@@ -71,7 +71,7 @@ def draw(loop, ex, ms):
     ends = (
         4 if ex == "ex1" else 15,
         last,
-    )  # of u after a step of the set point, and of the load
+    )  # u after a step of the set point, and of the load
     for (y, u), (test, step), end in zip(axes.T, tests.items(), ends, strict=True):
         runs = {label: loop[f"{ex}.{kind}.{ms}"] for kind, label in kinds.items()}
         clean = {k: pidalab.simulate(x, t, **step) for k, x in runs.items()}

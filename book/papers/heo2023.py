@@ -65,7 +65,7 @@ def run(case, until=200):
 
 def draw(ex, until, first):
     """Draw Figs 2 to 4, and below them the control signal, whose first kick is cut off and written out."""
-    figure, axes = plt.subplots(2, 2, figsize=(5.6, 3.5))
+    figure, axes = plt.subplots(2, 2, figsize=(5.6, 3.7))
     for (y, u), test, end in zip(axes.T, TESTS, (first, until), strict=True):
         runs = {
             label: run((ex, method, test), until) for method, label in LABELS.items()
@@ -74,7 +74,7 @@ def draw(ex, until, first):
         plots.signal(u, runs, "u", until=end)
         y.set(xlabel="", title=f"{test.replace('setpoint', 'set-point')} step")
     u = {method: run((ex, method, "setpoint"), until).u for method in LABELS}
-    kick = f"cut off: at first\nPIDA {u['proposed'][0]:.0f}, then −{-u['proposed'].min():.0f}"
+    kick = f"PIDA {u['proposed'][0]:.0f}, then −{-u['proposed'].min():.0f}"
     kick += f"\nPIDs {u['itae2'][0]:.0f} and {u['imc'][0]:.0f}"
     place = {"ha": "right", "va": "top", "transform": axes[1, 0].transAxes}
     axes[1, 0].text(1.0, 1.0, kick, **place)

@@ -111,7 +111,7 @@ def tried(designs, plant, hold=200.0):
         protection = None if way == "none" else way
         run = runs[name, way] = experiment(design, plant, protection, hold)
         tables[name, way] = measures(run, hold)
-    table = pd.concat(tables, names=["", "anti-windup", "step"]).unstack([1, 2])
+    table = pd.concat(tables, names=[None, "anti-windup", "step"]).unstack([1, 2])
     table = table[["overshoot, %", "settled after, s"]]
     return runs, table.map("{:.1f}".format).replace("nan", "–")
 
@@ -119,7 +119,7 @@ def tried(designs, plant, hold=200.0):
 def drawn(runs):
     """Draw the temperature above lamp power of several runs, with their set point."""
     figure = plots.experiment(runs, "temperature, K", "lamp power, %", "time, s")
-    figure.set_size_inches(6.4, 3.2)
+    figure.set_size_inches(6.4, 3.8)
 
 
 def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):

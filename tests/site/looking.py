@@ -1,4 +1,4 @@
-"""Find what is wrong with an open page, on wide and narrow screens."""
+"""Find problems of an open page, on wide and narrow screens."""
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page

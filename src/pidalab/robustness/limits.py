@@ -185,7 +185,7 @@ def circle(loop: Loop) -> Criterion:
     Parameters
     ----------
     loop : Loop
-        The loop; see `linear_part`.
+        The loop (see `linear_part`).
 
     Returns
     -------
@@ -221,7 +221,7 @@ def popov(loop: Loop) -> Criterion:
     Parameters
     ----------
     loop : Loop
-        The loop; see `linear_part`.
+        The loop (see `linear_part`).
 
     Returns
     -------
