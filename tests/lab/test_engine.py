@@ -241,7 +241,7 @@ def test_a_peak_between_two_points_is_resolved_and_limited(engine, delay):
     assert max(engine.simulate(**case)["fine"]["u"]) == 3.0 < peak
 
 
-TOO_SHORT = "controller.filterTime .* is too short beside the plant.* the shortest that serves is about"
+TOO_SHORT = "controller.filterTime .* is too short for this plant.* the shortest allowed one is about"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.9, 4.7])
