@@ -59,7 +59,7 @@ class LoopEvaluator:
         return Loop(plant, design.controller, filters, design.prefilter)
 
     def ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms with a plant; that of the continuous loop, with the reason, if the sampled one has none."""
+        """Return Ms with a plant, or that of the continuous loop with the reason if the sampled one has none."""
         key = id(design), id(plant)
         if key not in self._known:  # both are stored as well, so that their ids stay taken
             self._known[key] = self._ms(design, plant), (design, plant)
