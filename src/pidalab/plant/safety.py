@@ -12,8 +12,7 @@ import numpy as np
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
 from pidalab.requirements import Requirements
-from pidalab.robustness.margins import max_sensitivity
-from pidalab.robustness.poles import is_stable
+from pidalab.robustness.margins import ms_or_infinite
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_iae
 
@@ -80,11 +79,6 @@ class LoopEvaluator:
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
-
-
-def ms_or_infinite(loop: Loop) -> float:
-    """Return the maximum sensitivity, infinite if unstable."""
-    return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 
 def in_series(first: Any, second: Any) -> Any:
