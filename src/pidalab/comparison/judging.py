@@ -170,7 +170,8 @@ def _noise(loop: Loop, sample_time: float | None) -> tuple[float, float, str]:
         return noise, math.nan, reason
     if sample_time == scale.sample_time:
         return noise, noise / scale.gain, reason
-    return noise, sampled_noise(loop, scale.sample_time)[0] / scale.gain, reason
+    relative, why = sampled_noise(loop, scale.sample_time)
+    return noise, relative / scale.gain, reason or why
 
 
 def one_line(refusal: object) -> str:

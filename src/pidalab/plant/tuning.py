@@ -144,10 +144,9 @@ def tune(
     doubts: list[str] = []
     notes: list[str] = []
     if isinstance(model, Fit) and sample_time is not None:
-        share = sample_time / model.record.sampling
-        if not 1 / OTHER_UNIT < share < OTHER_UNIT:
-            values = {"share": share, "recorded": model.record.sampling}
-            doubts.append(doubt("time unit", sample_time=sample_time, **values))
+        recorded = model.record.sampling
+        if not 1 / OTHER_UNIT < (share := sample_time / recorded) < OTHER_UNIT:
+            doubts.append(doubt("time unit", sample_time=sample_time, share=share, recorded=recorded))
     process = _without_short_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, to refuse a spread out of range at once
     plants = plants_within(model, process, spread)
