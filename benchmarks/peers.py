@@ -159,7 +159,7 @@ def _march(
 ) -> Array:
     """Go through all steps x -> R x + shares of the past at start, middle and end + constant; return y."""
     A, b, e, c_v, c_y, delay = equation
-    slope = (c_v @ A, c_v @ b, c_v @ e)  # of v, for the interpolant
+    slope = (c_v @ A, c_v @ b, c_v @ e)  # slope of v, for the interpolant
     return march(R, shares, constant, c_v, c_y, slope, delay / each, each, points)
 
 

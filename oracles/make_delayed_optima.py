@@ -38,7 +38,7 @@ from scipy.optimize import brentq
 DIGITS, PRECISION = 10, 60
 SHARE, TERMS = 6.0, 44  # step of the series over the filter time at most, and how many terms it has
 LONGEST, FADED = 400.0, 1e-13  # time that is followed at most; share of the largest value that counts no more
-AGREE, ROUGH = 1e-10, 1e-6  # of everything with half the step; of a slope and of a difference
+AGREE, ROUGH = 1e-10, 1e-6  # agreement of all values with half the step, and of a slope with a difference
 AROUND, NEAREST, FARTHEST, ROOM = 1000, 1e-4, 0.2, 1e-5
 
 
@@ -138,7 +138,7 @@ class Late(Problem):
 
 
 class Equations:
-    """What holds at an optimum, for unknowns, frequencies of the peaks and multipliers in one vector."""
+    """Optimality conditions, for unknowns, frequencies of the peaks and multipliers in one vector."""
 
     def __init__(self, problem, peaks):
         self.problem, self.peaks, self.size = problem, peaks, problem.size

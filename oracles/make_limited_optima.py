@@ -90,7 +90,7 @@ class Problem:
         first = slope(den)
         size = [polyval(num, p) / polyval(first, p) for p in poles]
         areas = [r / p for r, p in zip(size, poles, strict=True)]
-        moves = []  # of poles and areas by the unknowns
+        moves = []  # slopes of poles and areas by the unknowns
         for by_num, by_den in slopes:
             way = [-polyval(by_den, p) / polyval(first, p) for p in poles]
             other = []
@@ -101,7 +101,7 @@ class Problem:
             moves.append((way, other))
         ends = [mpf(0), *zeros(poles, size)]
         value, by_x, sign = mpf(0), [mpf(0)] * self.size, 0
-        for i, t in enumerate(ends):  # from one zero to the next
+        for i, t in enumerate(ends):  # the interval from one zero to the next
             waves = [exp(p * t) for p in poles]
             area = sum(k * e for k, e in zip(areas, waves, strict=True)).real
             after = sum(

@@ -63,14 +63,14 @@ class AxisFunctions:
         self.num, self.den = poly(gn, self.c_num), poly(gd, self.c_den)
         self.delay = case["delay"]
         (nr, ni), (dr, di) = on_axis(self.num), on_axis(self.den)
-        real = add(poly(nr, dr), poly(ni, di))  # of N D*, without the dead time
+        real = add(poly(nr, dr), poly(ni, di))  # real part of N D*, without the dead time
         imaginary = add(poly(ni, dr), scaled(poly(nr, di), -1))
         self.nn, self.dd = squared(self.num), squared(self.den)
         self.real = Quasi([0], real, imaginary, self.delay)
         self.imaginary = Quasi([0], imaginary, scaled(real, -1), self.delay)
         self.below = Quasi(add(self.nn, self.dd), [0], [0], self.delay) + self.real * [2]
         self.flat_exact = self.num[-1] / self.den[-1] if len(self.num) == len(self.den) else self.num[0] * 0
-        self.flat = number(self.flat_exact)  # at infinite frequency, without the dead time
+        self.flat = number(self.flat_exact)  # L at infinite frequency, without the dead time
 
     def L(self, w, factor=1, extra=0):
         late = exp(-(number(self.real.delay) + extra) * mpc(0, w))

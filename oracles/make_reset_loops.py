@@ -59,7 +59,9 @@ class Run:
         for i in range(n):
             out[i] = ((error if i == 0 else x[i - 1]) - x[i]) / own["filter_time"]
         out[n] = (self.control(x) - x[n]) / own["ti"]
-        if self.q:  # from the highest derivative down; the last state is the filter's output
+        if (
+            self.q
+        ):  # The states begin at the highest derivative, and the last one is the output of the filter.
             den = case["prefilter"]
             f = x[n + 1 : n + 1 + self.q]
             out[n + 2 : n + 1 + self.q] = f[:-1]

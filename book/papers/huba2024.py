@@ -16,8 +16,6 @@ from pidalab.rules import automatic_reset as ar, mrdp
 T_S, SPARE = 0.001, 0.1  # sample time; how far the limits lie beyond the states of rest
 STEPS = ("setpoint", "load")
 FREE = (-np.inf, np.inf)
-# kappa, tau_D, tau_A, tau_i of a search for clean shapes, see the audit
-SEARCHED = (0.1, 3.4, 0.85, 0.3)
 
 
 def plant(delay=1.0):

@@ -331,7 +331,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers; these with both ends of the axis, and |L| there, 0 where L is positive."""
+    """Return phase crossovers, the same with both ends of the axis, and |L| there, 0 where L is positive."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)

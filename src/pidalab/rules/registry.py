@@ -122,7 +122,7 @@ class Rule:
 
 
 def find(name: str, *others: str) -> Rule:
-    """Return the rule of a name, whatever the case of its letters.
+    """Return the rule of a name, ignoring case.
 
     Parameters
     ----------

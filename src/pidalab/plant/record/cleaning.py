@@ -17,7 +17,7 @@ from pidalab.plant.doubts import doubt
 FEWEST = 20  # samples that a conclusion needs
 LONGEST_WRAP = 10  # median intervals between the last sample before a counter restarts and the next one
 OVERLAP = 3  # median intervals by which the time may go back for samples that are merely out of order
-# where counters restart
+# values at which counters restart
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 STILL, STILL_SHARE = 15, 0.05  # samples, and their share, for which an output may stand still
 BEFORE, JUST_BEFORE = 10, 3  # samples before that in which it moved

@@ -44,7 +44,7 @@ SAMPLE = 50  # lines from which the form of a file is recognised, and names of c
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters, columns
 
 
-PLACES = {"time": 0, "u": 1, "y": 2}  # of the columns where none is named or has the name of its role
+PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if none is named or has the name of its role
 
 
 class Columns(NamedTuple):
