@@ -12,9 +12,8 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-ARRIVED_SHARE = (
-    0.1  # largest distance from the final value, as a share of it, at the end of a record with overshoot
-)
+# largest distance from the final value, as a share of it, at the end of a record with overshoot
+ARRIVED_SHARE = 0.1
 
 
 class Response(Signals):
