@@ -49,9 +49,8 @@ from pidalab.robustness.axis import Samples, lowest, most_between
 from pidalab.robustness.in_s import from_factors, from_roots
 from pidalab.roots import border, roots
 
-NO_LOWER = (
-    1e-10  # amount by which a value must be lower to be sought, relative to the value if that is above 1
-)
+# amount by which a value must be lower to be sought, relative to the value if that is above 1
+NO_LOWER = 1e-10
 GRID_STEPS = 60  # number of grid steps that are followed at a time
 TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger
 LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop

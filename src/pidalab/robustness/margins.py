@@ -23,7 +23,7 @@ from pidalab.robustness.axis import (
 )
 from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
-from pidalab.robustness.poles import count_unstable
+from pidalab.robustness.poles import count_unstable, is_stable
 
 QUIETEST = 0.1  # Phase crossovers with dead time are sought where |L| is larger, and further if these give no margin.
 QUIETEST_GIVEN = 0.1  # The turns of the dead time are followed where |L| of the given loop is larger.
@@ -131,6 +131,11 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     1.590490 1.1442
     """
     return axis_of(loop).peak(SENSITIVITY)
+
+
+def ms_or_infinite(loop: Loop) -> float:
+    """Return the maximum sensitivity, infinite if unstable."""
+    return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 
 def max_control_sensitivity(loop: Loop) -> tuple[float, float]:

@@ -356,17 +356,20 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         tried += [found for found in more if not unsettled(data, found)]
     if not tried:
         raise ValueError(f"{failed}; step the input further, from rest")
-    if load and unexplained(data, min(tried, key=lambda found: found.cost)):
+    first = min(tried, key=lambda found: found.cost)
+    if load and unexplained(data, first):
         raise ValueError(DRIFTS)  # so many times and models would explain some noise as well
+    settled = [found for found in tried if not unsettled(data, found)]
+    settled.sort(key=lambda found: found.cost)
+    if not settled or settled[0].deviation > UNSETTLED * first.near:
+        raise ValueError(unsettled(data, first))
     if model != "auto":
-        best = min(tried, key=lambda found: found.cost)
-        return _result(record, data, _settled(data, best), f"{model} was requested.")
-    chosen, reason = _choice(data, tried)
+        return _result(record, data, settled[0], f"{model} was requested.")
+    chosen, reason = _choice(tried, settled)
     try:
         return _result(record, data, chosen, reason)
     except NoPredictionError:
-        settled = [found for found in tried if not unsettled(data, found)]
-        for other in sorted(settled, key=lambda found: found.cost):
+        for other in settled:
             if other.shape.name != chosen.shape.name:
                 with suppress(ValueError):
                     why = f"{chosen.shape.name} fits better, and does not predict the hold-out data."
@@ -382,14 +385,9 @@ def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> boo
     return not unsettled(data, best) and best.deviation <= SURPLUS * noise_of(record, data, best)
 
 
-def _choice(data: FitData, tried: Sequence[FitResult]) -> tuple[FitResult, str]:
-    """Return the simplest identifiable candidate close to the best, and why it was chosen."""
-    first = min(tried, key=lambda found: found.cost)
-    settled = [found for found in tried if not unsettled(data, found)]
-    best = min(settled, key=lambda found: found.cost, default=first)
-    if not settled or best.deviation > UNSETTLED * first.near:
-        _settled(data, first)
-    near = [found for found in settled if found.deviation <= best.near]
+def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[FitResult, str]:
+    """Return the simplest identifiable candidate close to the best, which is the first, and why it was chosen."""
+    near = [found for found in settled if found.deviation <= settled[0].near]
     chosen = min(near, key=lambda found: (found.values.size, found.cost))
     least: dict[str, float] = {}
     for found in sorted(tried, key=lambda found: found.deviation):
@@ -402,19 +400,11 @@ def _choice(data: FitData, tried: Sequence[FitResult]) -> tuple[FitResult, str]:
     )
 
 
-def _settled(data: FitData, found: FitResult) -> FitResult:
-    """Return a result, or raise an error if it is not identifiable."""
-    if refusal := unsettled(data, found):
-        raise ValueError(refusal)
-    return found
-
-
 def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit:
     names = ["gain", *found.shape.parameters, "delay"]
     times = uncertainty.closed_loop_factor(record, found)
-    keep = np.delete(
-        np.arange(found.values.size), LEVEL
-    )  # further ones belong to the initial state and the load
+    # further parameters belong to the initial state and the load
+    keep = np.delete(np.arange(len(found.shape.parameters) + 3), LEVEL)
     covariance = times**2 * uncertainty.covariance(found)[np.ix_(keep, keep)]
     parameters = dict(zip(names, found.values[keep].tolist(), strict=True))
     sigma = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
