@@ -303,7 +303,7 @@ def report(
 
 
 def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
-    """Tune for a plant and measure with a model; the row of a refused design has the reason."""
+    """Tune for a plant and measure with a model. The row of a refused design has the reason."""
     try:
         design = tune(plant, kind, **options)
     except ValueError as refusal:

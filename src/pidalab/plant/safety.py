@@ -59,7 +59,7 @@ class LoopEvaluator:
         return Loop(plant, design.controller, filters, design.prefilter)
 
     def _ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms with a plant; that of the continuous loop, with the reason, if the sampled one has none."""
+        """Return Ms with a plant, or that of the continuous loop with the reason if the sampled one has none."""
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:

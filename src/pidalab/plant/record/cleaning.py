@@ -48,7 +48,7 @@ def cleaned(
 ) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time and average samples of the same time.
 
-    Also return the input before the record and the indices of the samples. The last input of each time is held; the
+    Also return the input before the record and the indices of the samples. The last input of each time is held. The
     first one of the first time is the input before.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]
