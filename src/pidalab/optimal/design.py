@@ -206,11 +206,7 @@ def least_iae(
 
 
 def _best(
-    process: Process,
-    order: int,
-    limits: Requirements,
-    searches: list[Search],
-    start_design: Design | None,
+    process: Process, order: int, limits: Requirements, searches: list[Search], start_design: Design | None
 ) -> Design | None:
     """Return the best design over several units of time. If no candidate keeps the limits, approach them first.
 

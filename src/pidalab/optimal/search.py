@@ -307,11 +307,7 @@ def relax(search: Search, start: Array) -> Array:
             rows = np.atleast_2d(each.slope(z[:-1]))
             return np.hstack([rows, np.ones((rows.shape[0], 1))])
 
-        return {
-            "type": "ineq",
-            "fun": lambda z: np.atleast_1d(each.value(z[:-1])) + z[-1],
-            "jac": slope,
-        }
+        return {"type": "ineq", "fun": lambda z: np.atleast_1d(each.value(z[:-1])) + z[-1], "jac": slope}
 
     with np.errstate(all="ignore"):
         end = minimize(

@@ -12,15 +12,7 @@ from scipy.optimize import brentq
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop
-from pidalab.robustness.axis import (
-    COMPLEMENTARY,
-    DIFFERENCE,
-    SENSITIVITY,
-    Axis,
-    TooManyTurns,
-    height,
-    zeros,
-)
+from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, Axis, TooManyTurns, height, zeros
 from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable, is_stable
