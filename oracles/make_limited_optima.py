@@ -1,7 +1,7 @@
 """Make limited_optima.json: PI, PID and PIDA with the least IAE under limits of Ms and Mks, to 30 digits.
 
-The loop has no dead time: then y after a step of the load is a sum of exponentials, and IAE a sum over its zeros. The
-controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1); T is an unknown too, or given where the search of the
+The loop has no dead time, so that y after a step of the load is a sum of exponentials, and IAE a sum over its zeros.
+The controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1). T is unknown, too, or given if the search of the
 library is at its shortest filter.
 
 How the values are made.  At an optimum the slopes of IAE by gains and T are a sum of those of the limits that are
@@ -15,7 +15,7 @@ Why they can be trusted.
   * The multipliers are positive: with more room on any limit IAE falls.
   * IAE and its slopes agree with a sum over samples and with differences of IAE.
   * Of 4000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
-That there is no better optimum elsewhere is not proved: it would be found by the program under test, and fail the test.
+It is not proved that there is no better optimum elsewhere. If the program under test found one, the test would fail.
 The script fails if one of these checks fails.  Run: python oracles/make_limited_optima.py
 """
 

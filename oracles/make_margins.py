@@ -9,10 +9,10 @@ with polynomials a, b, c whose coefficients are exact:
     circle criterion    zeros of the slope of Re L
 
 How the values are made.  All zeros between 0 and a frequency W are isolated (quasipolynomials.py) and found by Newton's
-method with 90 digits; W is such that nothing beyond it counts.  Margins are the least or largest of the candidates.
-Whether the loop is stable is told by the method of Walton and Marshall: the unstable poles without dead time are
-counted, and with the dead time growing from 0 to L poles cross the axis at gain crossovers only, at known dead times,
-in a direction that is the sign of the slope of |D|^2 - |N|^2.
+method with 90 digits. W is so large that higher frequencies have no effect.  Margins are the least or largest of the
+candidates. The method of Walton and Marshall decides stability. It counts the unstable poles without dead time. While
+the dead time grows from 0 to L, poles cross the axis only at gain crossovers, at known dead times, in a direction given
+by the sign of the slope of |D|^2 - |N|^2.
 
 Why they can be trusted.
   * No grid, no phase that is followed along one, no argument principle, no minimiser: nothing is shared with the

@@ -94,7 +94,7 @@ class Judge:
 
     @staticmethod
     def stable(loop: Loop) -> bool:
-        """Return True if a loop is stable; one whose phase turns too often to be followed counts as unstable."""
+        """Return True if a loop is stable. One whose phase turns too often to be followed counts as unstable."""
         try:
             return pidalab.is_stable(loop)
         except ArithmeticError:

@@ -1,6 +1,6 @@
 """Judge the six short programs that the lectures ask for, by what they compute on random cases.
 
-A task is a function that the reader writes; its name says which task it answers.
+A task is a function that the reader writes. Its name says which task it answers.
 """
 
 from collections.abc import Callable, Iterator

@@ -80,7 +80,7 @@ def thermal_plant(
 def experiment(design, plant, anti_windup=None, hold=200.0):
     """Warm the plant up to 10 K, step the set point to 15 K and back, each for `hold` s.
 
-    Sample time and limits are the paper's; the temperatures are assumed.
+    Sample time and limits are the paper's. The temperatures are assumed.
     """
     r = np.repeat([10.0, 15.0, 10.0], round(hold / SAMPLE))
     t = SAMPLE * np.arange(r.size)
@@ -125,7 +125,7 @@ def drawn(runs):
 def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
     """Run a loop on UNIT as a solver with variable steps would: times and output.
 
-    Dormand and Prince's pair, with the constants of SciPy; no step is longer than a fiftieth of the run; the dead
+    Dormand and Prince's pair, with the constants of SciPy. No step is longer than a fiftieth of the run. The dead
     time is a line between the control signals at the ends of past steps. Tolerances
     and longest step are the usual defaults.
     """

@@ -140,7 +140,7 @@ class Series(Controller):
 
 
 def higher(m, n, te=0.8, delay=1.0, real=False):
-    """Return the loop of PID^m of the multiple pole behind Q_n, T_f = te/n; its fastest zero is the reset.
+    """Return the loop of PID^m of the multiple pole behind Q_n, T_f = te/n. Its fastest zero is the reset.
 
     If that is one of a complex pair, both become real first, as in (26) to (29); or with
     `real` the fastest real zero is taken instead.

@@ -11,14 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-NO_NUMBERS = (
-    str,
-    bytes,
-    bool,
-    np.bool_,
-    np.datetime64,
-    np.timedelta64,
-)  # although float() accepts some of them
+# although float() accepts some of them
+NO_NUMBERS = (str, bytes, bool, np.bool_, np.datetime64, np.timedelta64)
 
 LARGEST = 1e150  # its square does not overflow
 BLOCK = 4096  # numbers that are checked together

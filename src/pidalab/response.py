@@ -12,9 +12,8 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-ARRIVED_SHARE = (
-    0.1  # largest distance from the final value, as a share of it, at the end of a record with overshoot
-)
+# largest distance from the final value, as a share of it, at the end of a record with overshoot
+ARRIVED_SHARE = 0.1
 
 
 class Response(Signals):
@@ -605,7 +604,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must hold the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
+                f"band must contain the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
             )
 
         def entry(record: Response) -> float:

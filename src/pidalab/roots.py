@@ -17,14 +17,8 @@ from numpy.typing import ArrayLike
 
 from pidalab._check import Array
 
-RADII = (
-    1e-6,
-    1e-3,
-    0.02,
-    0.1,
-    0.3,
-    0.6,
-)  # roots within such a relative distance are tried as one multiple root
+# roots within such a relative distance are tried as one multiple root
+RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)
 # Such a difference of the coefficients, relative to their size and per degree, is rounding.
 SAME_COEFFICIENTS = 1e-14
 ALLOWED = 1e-10  # largest difference for which roots represent their polynomial
@@ -73,7 +67,9 @@ def _of_nonzero(coefficients: Array) -> Any:
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
-        raise ValueError(f"the coefficients {coefficients[:4]}... lie too far apart for their roots")
+        raise ValueError(
+            f"the coefficients {coefficients[:4]}... differ too much in size to compute their roots"
+        )
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
@@ -99,9 +95,8 @@ def _of_nonzero(coefficients: Array) -> Any:
             if off <= max(least, SAME_COEFFICIENTS * degree):
                 best, least = np.repeat(merged, times.astype(int)), off
     if degree > MULTIPLE_BEYOND and np.unique(best).size > degree // 2:
-        least = (
-            1.0  # the product may be close, but a response computed from such roots would be lost in rounding
-        )
+        # the product may be close, but a response computed from such roots would be lost in rounding
+        least = 1.0
     if not least <= ALLOWED:
         raise ValueError(
             f"the roots of a polynomial of degree {degree} are lost in rounding: their product differs from it by "
@@ -112,10 +107,10 @@ def _of_nonzero(coefficients: Array) -> Any:
 
 def _of_quadratic(scaled: Array) -> Any:
     """Return the roots of s^2 + b s + c, without cancellation."""
-    half, inside = -0.5 * scaled[1], 0.25 * scaled[1] ** 2 - scaled[2]
+    half_sum, inside = -0.5 * scaled[1], 0.25 * scaled[1] ** 2 - scaled[2]
     if inside < 0:
-        return np.array([complex(half, np.sqrt(-inside)), complex(half, -np.sqrt(-inside))])
-    large = half + np.copysign(np.sqrt(inside), half)
+        return np.array([complex(half_sum, np.sqrt(-inside)), complex(half_sum, -np.sqrt(-inside))])
+    large = half_sum + np.copysign(np.sqrt(inside), half_sum)
     return np.array([large, scaled[2] / large], dtype=complex)
 
 

@@ -370,12 +370,8 @@ class Signals:
         horizon = self._horizon(horizon)
         for begin in range(0, self.t.size - 1, block):
             samples = slice(begin, begin + block + 1)
-            y, held, area, start = (
-                self.y[samples],
-                self.held[samples],
-                self.area[samples],
-                self.t[samples][:-1],
-            )
+            y, held, area = self.y[samples], self.held[samples], self.area[samples]
+            start = self.t[samples][:-1]
             set_point = self.r[samples][:-1]
             first, last = set_point - y[:-1], set_point - y[1:] + np.diff(held)
             curve = 3 * (first + last - 2 * (set_point - np.diff(area) / self.step))

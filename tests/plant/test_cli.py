@@ -16,7 +16,7 @@ from test_total import compiler
 
 import pidalab
 from pidalab.digital import from_json
-from pidalab.plant.cli import main, recorded
+from pidalab.plant.cli import main
 from pidalab.plant.reporting import REPORT_COLUMNS
 from pidalab.rules.registry import RULES
 
@@ -237,33 +237,6 @@ def test_options_of_the_code_reach_it(plain, tmp_path):
     assert controller_in(tmp_path / "none").anti_windup is None
 
 
-def test_edited_files_stay_and_a_full_disk_keeps_the_old_set(plain, tmp_path, monkeypatch):
-    command = ("tune", plain, *QUICK, "--out", tmp_path)
-    succeed(*command)
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert sorted(before) == CODE
-    succeed(*command)  # the same files again
-    edited = b"/* mine */" + before["controller.c"]
-    (tmp_path / "controller.c").write_bytes(edited)
-    refused = run(*command)
-    assert (refused.exit_code, "controller.c" in refused.stderr, "--force" in refused.stderr) == (
-        1,
-        True,
-        True,
-    )
-
-    def full(_):
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patched:
-        patched.setattr("os.fsync", full)
-        cut = run(*command, "--b", 1, "--force")
-    assert (cut.exit_code, "No space left" in cut.stderr) == (1, True)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before | {"controller.c": edited}
-    succeed(*command, "--force")
-    assert (tmp_path / "controller.c").read_bytes() == before["controller.c"]
-
-
 def test_output_files_are_replaced_only_on_request(plain, tmp_path, monkeypatch):
     ranking = SimpleNamespace(
         csv=lambda: "rows",
@@ -274,6 +247,7 @@ def test_output_files_are_replaced_only_on_request(plain, tmp_path, monkeypatch)
     (tmp_path / "rule.py").write_text("def tune(process): return None\n", encoding="utf-8")
     report = ("report", plain, "--rule", "simc", "--model", "fopdt", "--ms-worst", 3, "--sample-time", 1)
     for out, name, command in (
+        (".", "controller.c", ("tune", plain, *QUICK)),
         ("r.csv", "r.csv", ("simulate", "--den", "1,1", "--kp", 1, "--ti", 1, "--until", 9)),
         ("r.html", "r.html", report),
         (".", "benchmark.tex", ("benchmark", f"{tmp_path / 'rule.py'}:tune")),
@@ -284,18 +258,6 @@ def test_output_files_are_replaced_only_on_request(plain, tmp_path, monkeypatch)
         succeed(*command, "--out", tmp_path / out, "--force")
         assert read(tmp_path / name) != "mine"
     assert {"benchmark.csv", "benchmark.svg"} <= {path.name for path in tmp_path.iterdir()}
-
-
-def test_text_of_a_file_and_its_name_is_plain_in_written_files(plain, tmp_path):
-    line = 'end of log *"""/ int x = 1; /* "*/""; print("x"); "*/"" <script>'
-    path = tmp_path / "a'b<i>c.csv"
-    path.write_text(read(plain) + line + "\n", encoding="utf-8")
-    succeed("tune", path, *QUICK, "--out", tmp_path / "out")
-    for file in (tmp_path / "out").iterdir():
-        text = read(file)
-        assert "end of log int x 1 print x script" in text
-        for mark in ('print("x")', "int x = 1", "<script", "<i>", "a'b"):
-            assert mark not in text, (file.name, mark)
 
 
 def test_console_without_some_characters(tmp_path):
@@ -315,36 +277,26 @@ def test_console_without_some_characters(tmp_path):
     assert b"Usage: pidalab [OPTIONS]" in helped.stdout
 
 
-DEFAULTS = {  # users' scripts depend on them
-    "tune": {"kind": "PIDA", "rule": "optimal", "skip": 0, "model": "auto", "deadband": 0},
-    "report": {"rule": "optimal", "skip": 0, "model": "auto"},
-    "check": {"lag": 0, "td": 0, "ta": 0, "skip": 0},
-    "compare": {"num": "1", "delay": 0},
-    "simulate": {"num": "1", "delay": 0, "td": 0, "ta": 0, "setpoint": 1, "load": 0},
-    "benchmark": {"model": "process", "workers": 2},
-}
 LIBRARY = {  # defaults of the same name in the library
-    "tune": (pidalab.tune, ("ms", "ms_worst")),
-    "report": (pidalab.report, ("ms", "ms_worst")),
+    "tune": (pidalab.tune, ("ms", "ms_worst", "kind", "rule")),
+    "report": (pidalab.report, ("ms", "ms_worst", "rule")),
     "compare": (pidalab.compare, ("ms",)),
-    "simulate": (pidalab.PIDA, ("n", "m")),
-    "check": (pidalab.PIDA, ("n", "m")),
+    "simulate": (pidalab.PIDA, ("n", "m", "td", "ta")),
+    "check": (pidalab.PIDA, ("n", "m", "td", "ta")),
+    "benchmark": (pidalab.benchmark, ("model",)),
 }
 
 
-@pytest.mark.parametrize("command", DEFAULTS)
-def test_defaults(command):
-    params = main.commands[command].params
-    defaults = {param.name: param.default for param in params}
-    assert {name: defaults[name] for name in DEFAULTS[command]} == DEFAULTS[command]
-    function, names = LIBRARY.get(command, (pidalab.benchmark, ()))
+@pytest.mark.parametrize("command", LIBRARY)
+def test_defaults_are_those_of_the_library(command):
+    defaults = {param.name: param.default for param in main.commands[command].params}
+    function, names = LIBRARY[command]
     own = inspect.signature(function).parameters
     assert {name: defaults[name] for name in names} == {name: own[name].default for name in names}
-    assert not any(param.default is True for param in params if getattr(param, "is_flag", False))
 
 
 def test_every_command_has_help_with_an_example():
-    assert sorted(main.commands) == sorted([*DEFAULTS, "rule", "rules"])
+    assert sorted(main.commands) == sorted([*LIBRARY, "rule", "rules"])
     for command in main.commands:
         for flag in ("-h", "--help"):
             text = run(command, flag).stdout
@@ -405,19 +357,6 @@ def test_short_responses(tmp_path):
     assert "overshoot" not in succeed(
         "simulate", *PLANT, *OPTIONS, "--until", 9, "--setpoint", 0, "--load", 1
     )
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "named"),
-    [
-        (0, 1, []),
-        (-np.inf, 1, ["--u-min"]),
-        (0, np.inf, ["--u-max"]),
-        (-np.inf, np.inf, ["--u-min", "--u-max"]),
-    ],
-)
-def test_missing_limits_are_named(low, high, named):
-    assert re.findall(r"--u-m\w+", "".join(recorded.missing_limits(low, high))) == named
 
 
 READ = ("--time", "t", "--u", 1, "--y", "y")

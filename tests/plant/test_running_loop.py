@@ -35,9 +35,8 @@ def bumped(noise=0.02):
     u = steps((20, 1.0), (60, -1.0))
     y = pidalab.open_loop_step(PLANT, T).y
     shifted = (np.interp(T - at, T, y, left=0.0) for at in (20, 60))
-    return pidalab.Record(
-        T, u, next(shifted) - next(shifted) + np.random.default_rng(1).normal(0, noise, T.size)
-    )
+    y = next(shifted) - next(shifted)
+    return pidalab.Record(T, u, y + np.random.default_rng(1).normal(0, noise, T.size))
 
 
 LOGS = {
@@ -71,9 +70,8 @@ def test_timid_gains_get_three_safe_sets():
     for row, ms, share in zip(sets, (1.4, 1.6, 1.8), (0.5, 1.0, 2.0), strict=True):
         loop = row.design.loop(PLANT)
         assert row.ms_sampled <= ms * 1.001
-        assert pidalab.relative_noise_gain(row.design.loop(found.fit.process)) == pytest.approx(
-            row.relative_noise
-        )
+        own = row.design.loop(found.fit.process)
+        assert pidalab.relative_noise_gain(own) == pytest.approx(row.relative_noise)
         assert pidalab.noise_gain(loop, H) <= share * quiet * 1.02
         assert pidalab.margins(pidalab.Loop(PLANT, row.design.discretise(H))).ms <= 2.0
     said = str(found)
@@ -152,12 +150,10 @@ def random_log(seed):
     slow = rng.uniform(0.5, 0.95) if disturbance == 1 else 0.0
     if disturbance == 2:
         memory = rng.uniform(0.9, 1.0)
-        load = load + lfilter(
-            [1.0], [1.0, -memory], rng.normal(0, rng.uniform(0.01, 0.06) * size / abs(gain), n)
-        )
-    drift = lfilter(
-        [1.0], [1.0, -slow], rng.normal(0, rng.uniform(0.01, 0.06) * size, n) * np.sqrt(1 - slow**2)
-    )
+        wander = rng.normal(0, rng.uniform(0.01, 0.06) * size / abs(gain), n)
+        load = load + lfilter([1.0], [1.0, -memory], wander)
+    drift = rng.normal(0, rng.uniform(0.01, 0.06) * size, n) * np.sqrt(1 - slow**2)
+    drift = lfilter([1.0], [1.0, -slow], drift)
     noise = noise + drift * (disturbance == 1)
     run = pidalab.simulate_sampled(loop, t, setpoint, load=load, noise=noise)
     return pidalab.Record(t, 40 + run.u, 300 + run.y + noise), {"gain": gain, "lag": lag, "delay": delay}

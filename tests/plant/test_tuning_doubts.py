@@ -2,6 +2,7 @@
 
 import math
 import re
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,13 +60,8 @@ def test_design_is_independent_of_units():
     for name, unit in (("kp", GAIN), ("ki", GAIN * TIME), ("kd", GAIN / TIME)):
         expected = getattr(own.controller.gains(), name)
         assert getattr(other.controller.gains(), name) * unit == pytest.approx(expected, rel=1e-6)
-    for name, unit in (
-        ("ms", 1),
-        ("mks", -GAIN),
-        ("iae", 1 / -GAIN / TIME),
-        ("ms_worst", 1),
-        ("ms_sampled", 1),
-    ):
+    units = {"ms": 1, "mks": -GAIN, "iae": 1 / -GAIN / TIME, "ms_worst": 1, "ms_sampled": 1}
+    for name, unit in units.items():
         assert other.info[name] * unit == pytest.approx(own.info[name], rel=1e-6), name
     words = [[re.sub(r"[\d.e+-]+", "#", doubt) for doubt in design.doubts] for design in (own, other)]
     assert words[0] == words[1]
@@ -99,9 +95,7 @@ def test_negligible_dead_time_is_left_out(searched, asked, share, left_out):
     """Up to where ten times |P| over its gain is 1, of one lag sqrt(99)/T; to that of samples; to the crossover."""
     lag = 60.0
     if "rule" in asked:
-        acts = pidalab.robustness.margins.gain_crossovers(
-            tune(Process([3.0], [lag, 1.0]), "PI", **asked).loop()
-        ).max()
+        acts = pidalab.gain_crossovers(tune(Process([3.0], [lag, 1.0]), "PI", **asked).loop()).max()
     else:
         acts = 1 / asked["sample_time"] if asked else math.sqrt(99) / lag
     design = tune(fopdt(3.0, lag, share * 1e-3 / acts), "PI", **asked)
@@ -124,14 +118,11 @@ def test_half_a_sample_and_filter_count_as_plant():
 def test_perturbed_plants_are_all_corners(process):
     s = 0.3j
     plain = Process(process.num, process.den)
-    expected = {
-        (g, t, d): g * plain(t * s) * np.exp(-d * process.delay * s)
-        for g in (0.8, 1.2)
-        for t in (0.8, 1.2)
-        for d in (0.8, 1.2)
-    }
-    found = perturbed_plants(process, 0.2)
-    assert [complex(plant(s)) for plant in found] == pytest.approx([complex(x) for x in expected.values()])
+    expected = [
+        complex(g * plain(t * s) * np.exp(-d * process.delay * s))
+        for g, t, d in product((0.8, 1.2), repeat=3)
+    ]
+    assert [complex(plant(s)) for plant in perturbed_plants(process, 0.2)] == pytest.approx(expected)
     assert plants_within(process, process, None) == []
     with pytest.raises(ValueError, match="spread must be below 1, found 1"):
         plants_within(process, process, 1.0)
@@ -205,18 +196,11 @@ def test_derivative_beyond_known_dynamics_is_doubted():
 def test_unstable_loop_has_infinite_measures():
     found = tuning._iae_ms_mks(Loop(THIRD, pidalab.PIDA(9.0, 1.0)))
     assert found == {"iae": math.inf, "ms": math.inf, "mks": math.inf}
+    rule = SimpleNamespace(name="simc", knows_ms=False)
+    rule.tune = lambda *_: Design(THIRD, pidalab.PIDA(9.0, 1.0))
+    evaluator, limits = tuning.LoopEvaluator(None, None), tuning.Requirements(ms=1.6)
     with pytest.raises(ValueError, match="'simc' is unstable with the model itself"):
-        tuning._by_rule(
-            SimpleNamespace(
-                name="simc", knows_ms=False, tune=lambda *_: Design(THIRD, pidalab.PIDA(9.0, 1.0))
-            ),
-            THIRD,
-            "PI",
-            tuning.LoopEvaluator(None, None),
-            THIRD,
-            tuning.Requirements(ms=1.6),
-            "help",
-        )
+        tuning._by_rule(rule, THIRD, "PI", evaluator, THIRD, limits, "help")
 
 
 def test_rule_with_ms_keeps_both_limits():

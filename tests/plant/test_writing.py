@@ -78,19 +78,6 @@ def test_folder_in_place_of_a_file_is_refused(tmp_path):
         write_files(tmp_path / "controller.c" / "out", NEW)
 
 
-def test_file_of_another_run_stays(tmp_path, monkeypatch):
-    own = os.fsync
-
-    def meanwhile(number):
-        (tmp_path / "controller.py").write_text("of the other run", encoding="utf-8")
-        own(number)
-
-    monkeypatch.setattr(os, "fsync", meanwhile)
-    with pytest.raises(FileExistsError, match=r"controller\.py"):
-        write_files(tmp_path, NEW)
-    assert texts(tmp_path) == {"controller.py": "of the other run"}
-
-
 @pytest.mark.skipif(os.name == "nt", reason="links need rights there")
 def test_link_is_replaced_and_its_target_stays(tmp_path):
     (tmp_path / "elsewhere").write_text("mine", encoding="utf-8")

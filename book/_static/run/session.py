@@ -9,6 +9,7 @@ import contextlib
 import io
 import json
 import linecache
+import logging
 import os
 import sys
 import traceback
@@ -156,4 +157,6 @@ def install():
         (9, 0),
     )
     sys.modules |= {"IPython": ipython, "IPython.display": display}
+    # Matplotlib would warn in the first cell: its check of the temporary folder fails here, though that can be written
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     namespace["display"] = show

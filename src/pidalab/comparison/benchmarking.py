@@ -13,7 +13,10 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
 
 from pidalab import _check
 from pidalab._parts import done, require_executor
@@ -28,19 +31,11 @@ from pidalab.relative_noise import SAMPLES, NoiseScale, noise_scale
 from pidalab.rules import Design
 from pidalab.rules.models import StartingModels
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gains: about two and ten times that of a PI
-PUBLISHED = (
-    "plants",
-    "Ms",
-    "Ms, 9 of 10 below",
-    "relative noise gain",
-)  # columns of the table of rules as published
+# columns of the table of rules as published
+PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
 Rule = Callable[[Process], Design | Controller]
@@ -66,8 +61,6 @@ def stored(name: str) -> pd.DataFrame:
     >>> len(stored("processes").query("family not in ('frontier', 'map')"))
     134
     """
-    import pandas as pd
-
     _check.choice("name", name, ("processes", "comparison", "optima"))
     return pd.read_csv(TABLES / f"{name}.csv", keep_default_na=True)
 
@@ -190,8 +183,6 @@ class Benchmark:
         >>> found.ranking().loc[("mine", "PI"), "plants"].item()
         1
         """
-        import pandas as pd
-
         groups = self._beside(terms).groupby(["rule", "kind"])
         best = groups["of_best"]
         columns = groups.size(), groups["of_kind"].median(), best.median(), best.quantile(0.9)
@@ -199,8 +190,6 @@ class Benchmark:
 
     def _beside(self, terms: str) -> pd.DataFrame:
         """Return the rows of all rules at equal terms, and of this one under its name."""
-        import pandas as pd
-
         _check.choice("terms", terms, tuple(NOISE))
         others = beside_least(stored("comparison").query("terms == @terms"))
         mine = self.rows.query("terms == @terms").assign(rule=self.name)
@@ -241,8 +230,6 @@ class Benchmark:
         >>> found.as_published()["Ms"].round(2).item()
         1.66
         """
-        import pandas as pd
-
         groups = self.rows.query("terms == 'own'").dropna(subset=["ms"]).groupby("kind")
         ms, noise_gain = groups["ms"], groups["noise_gain"]
         columns = groups.size(), ms.median(), ms.quantile(0.9), noise_gain.median()
@@ -327,8 +314,6 @@ class Benchmark:
         >>> len(found.plot().axes)
         1
         """
-        from matplotlib.figure import Figure
-
         table = self._beside(terms)
         table = table[table["kind"].isin(self.rows.query("terms == @terms")["kind"])]
         tenths = table.groupby(["rule", "kind"])["of_best"].quantile([0.1, 0.5, 0.9]).unstack()
@@ -441,8 +426,6 @@ def _rows_of(rule: Rule, model: str, case: tuple[str, Process]) -> list[dict[str
 
 
 def _with_least(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    import pandas as pd
-
     columns = (
         "plant kind terms iae_load iae_setpoint ms mks noise_gain tv delay_margin factor filter_time reason"
     )

@@ -12,7 +12,9 @@ from pidalab.loop import Loop
 from pidalab.process import Process
 from pidalab.relative_noise import noise_scale, sampled_noise
 from pidalab.response import Response
+from pidalab.robustness.margins import margins, max_control_sensitivity
 from pidalab.rules import Design
+from pidalab.simulation.exact import load_response, simulate_until_settled, step_response
 
 
 class DesignRow(NamedTuple):
@@ -131,10 +133,6 @@ def measure_row(
 def _measure_loop(
     rule: str, kind: str, design: Design, process: Process, sample_time: float | None, horizon: float
 ) -> DesignRow:
-    from pidalab.robustness import max_control_sensitivity
-    from pidalab.robustness.margins import margins
-    from pidalab.simulation.exact import load_response, simulate_until_settled, step_response
-
     loop = design.loop(process)
     loop_margins = margins(loop)
     if not loop_margins.stable:
@@ -172,7 +170,8 @@ def _noise(loop: Loop, sample_time: float | None) -> tuple[float, float, str]:
         return noise, math.nan, reason
     if sample_time == scale.sample_time:
         return noise, noise / scale.gain, reason
-    return noise, sampled_noise(loop, scale.sample_time)[0] / scale.gain, reason
+    relative, why = sampled_noise(loop, scale.sample_time)
+    return noise, relative / scale.gain, reason or why
 
 
 def one_line(refusal: object) -> str:

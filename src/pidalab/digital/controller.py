@@ -309,11 +309,11 @@ class DigitalController(Parameters):
 
         It has no prefilter: ``k.prefilter(z)`` evaluates that.
         """
-        at = _check.complex_array("z", z)
-        signal = sum((path(at) for path in self.paths), np.zeros_like(at))
+        points = _check.complex_array("z", z)
+        signal = sum((path(points) for path in self.paths), np.zeros_like(points))
         if not self.integrates:
             return signal
-        growth = (self.growth[0] * at + self.growth[1]) / (at - 1)
+        growth = (self.growth[0] * points + self.growth[1]) / (points - 1)
         return signal * (1 + growth) if self.from_signal else signal + growth
 
     def transfer_function(self) -> control.TransferFunction:

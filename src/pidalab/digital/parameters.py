@@ -10,13 +10,7 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.digital.filters import (
-    METHOD_WEIGHTS,
-    METHODS,
-    FilterChain,
-    Prefilter,
-    discrete_prefilter,
-)
+from pidalab.digital.filters import METHOD_WEIGHTS, METHODS, FilterChain, Prefilter, discrete_prefilter
 
 ANTI_WINDUP = ("reset", "back-calculation", "clamping", "conditioning", None)
 DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # words for a digital controller

@@ -86,13 +86,13 @@ class Check:
         rows, noise = [now], math.nan
         if now.applies:
             noise = sampled_noise(self.design.loop(self.fit.process), self.sample_time)[0]
-        asked: list[tuple[str, Process | Fit, float, float]] = [
-            (name, self.fit, min(ms, self.ms_worst), share * noise) for name, (ms, share) in SETS.items()
-        ]
+        asked: dict[str, tuple[Process | Fit, float, float]] = {}
         if not math.isnan(noise) and math.isfinite(self.ms):
-            asked.insert(0, ("best like it", self.fit.process, self.ms, noise))
+            asked["best like it"] = self.fit.process, self.ms, noise
+        for name, (ms, share) in SETS.items():
+            asked[name] = self.fit, min(ms, self.ms_worst), share * noise
         h, evaluator = self.sample_time, LoopEvaluator(self.sample_time, None)
-        for name, plant, ms, gain in asked:
+        for name, (plant, ms, gain) in asked.items():
             limits = {"ms": ms, "ms_worst": self.ms_worst, "noise_gain": None if math.isnan(gain) else gain}
             row = tuned_row(name, kind, plant, self.fit, sample_time=h, **limits)
             if row.design is not None:

@@ -18,7 +18,6 @@ from pidalab.plant.record import Record
 from pidalab.plant.tuning import plants_within, tune
 from pidalab.plant.writing import write_files
 from pidalab.process import Process
-from pidalab.relative_noise import noise_scale
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
 from pidalab.rules.registry import ORDER
@@ -304,7 +303,7 @@ def report(
 
 
 def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
-    """Tune for a plant and measure with a model; the row of a refused design has the reason."""
+    """Tune for a plant and measure with a model. The row of a refused design has the reason."""
     try:
         design = tune(plant, kind, **options)
     except ValueError as refusal:
@@ -315,9 +314,5 @@ def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, 
 def measure_candidate(design: Design, rule: str, kind: str, model: Process | Fit) -> DesignRow:
     """Measure a design of `tune` with the model."""
     process = model.process if isinstance(model, Fit) else model
-    try:
-        sample_time = noise_scale(process).sample_time
-    except ValueError:  # the process is a pure integrator
-        sample_time = None
-    row = measure_row(rule, kind, lambda: design, process, sample_time, REPORT_HORIZON * time_scale(process))
+    row = measure_row(rule, kind, lambda: design, process, None, REPORT_HORIZON * time_scale(process))
     return row._replace(**{name: design.info.get(name, math.nan) for name in TUNED}) if row.applies else row

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +13,7 @@ import numpy as np
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
 from pidalab.requirements import Requirements
-from pidalab.robustness.margins import max_sensitivity
-from pidalab.robustness.poles import is_stable
+from pidalab.robustness.margins import ms_or_infinite
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_iae
 
@@ -37,7 +37,6 @@ class LoopMs(NamedTuple):
     reason: str = ""
 
 
-@dataclass(frozen=True)
 class LoopEvaluator:
     """Evaluates designs in the loop that will run.
 
@@ -49,23 +48,18 @@ class LoopEvaluator:
         Filter in series with the controller.
     """
 
-    sample_time: float | None
-    output_filter: Any
-    _known: dict[tuple[int, int], tuple[LoopMs, Any]] = field(default_factory=dict, repr=False)
+    def __init__(self, sample_time: float | None, output_filter: Any = None) -> None:
+        self.sample_time, self.output_filter = sample_time, output_filter
+        # Ms with a design and a plant, computed once for each pair
+        self.ms = cache(self._ms)
 
     def loop(self, design: Design, plant: Process) -> Loop:
         """Close the continuous loop."""
         filters = in_series(design.output_filter, self.output_filter)
         return Loop(plant, design.controller, filters, design.prefilter)
 
-    def ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms with a plant; that of the continuous loop, with the reason, if the sampled one has none."""
-        key = id(design), id(plant)
-        if key not in self._known:  # both are stored as well, so that their ids stay taken
-            self._known[key] = self._ms(design, plant), (design, plant)
-        return self._known[key][0]
-
     def _ms(self, design: Design, plant: Process) -> LoopMs:
+        """Return Ms with a plant, or that of the continuous loop with the reason if the sampled one has none."""
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:
@@ -80,11 +74,6 @@ class LoopEvaluator:
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
-
-
-def ms_or_infinite(loop: Loop) -> float:
-    """Return the maximum sensitivity, infinite if unstable."""
-    return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 
 def in_series(first: Any, second: Any) -> Any:

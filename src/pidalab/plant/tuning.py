@@ -144,10 +144,9 @@ def tune(
     doubts: list[str] = []
     notes: list[str] = []
     if isinstance(model, Fit) and sample_time is not None:
-        share = sample_time / model.record.sampling
-        if not 1 / OTHER_UNIT < share < OTHER_UNIT:
-            values = {"share": share, "recorded": model.record.sampling}
-            doubts.append(doubt("time unit", sample_time=sample_time, **values))
+        recorded = model.record.sampling
+        if not 1 / OTHER_UNIT < (share := sample_time / recorded) < OTHER_UNIT:
+            doubts.append(doubt("time unit", sample_time=sample_time, share=share, recorded=recorded))
     process = _without_short_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
     # before the search, to refuse a spread out of range at once
     plants = plants_within(model, process, spread)
@@ -156,10 +155,8 @@ def tune(
             f"ms must be at most ms_worst, {ms_worst:g}, found {ms:g}: with the model, as with any other plant of the "
             "spread"
         )
-    limits, remedy = (
-        Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst),
-        REMEDIES[isinstance(model, Fit)],
-    )
+    limits = Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst)
+    remedy = REMEDIES[isinstance(model, Fit)]
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
             f"the sign of the gain is not settled, and no controller is stable with both signs: {remedy}"
@@ -178,8 +175,8 @@ def tune(
         if noise_gain is not None:
             _check.real("noise_gain", noise_gain, above=0.0)
             doubts.append(doubt("noise unused", rule=rule))
-        fastest = _highest_crossover(Loop(process, made.controller, made.output_filter))
-        process = _without_short_delay(process, fastest, doubts)
+        crossovers = gain_crossovers(Loop(process, made.controller, made.output_filter))
+        process = _without_short_delay(process, float(crossovers.max(initial=0.0)), doubts)
     if price > PRICE_WARNING:
         doubts.append(doubt("price", price=price, remedy=remedy))
     loop = evaluator.loop(made, process)
@@ -234,7 +231,7 @@ def _by_rule(
 
 def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
     """Doubt a sample time that is too long for the loop, or for its filters."""
-    turn = sample_time * _highest_crossover(loop)
+    turn = sample_time * float(gain_crossovers(loop).max(initial=0.0))
     if turn > LONG_TURN:
         better = LONG_TURN / turn * sample_time
         doubts.append(doubt("long sample", sample_time=sample_time, turn=turn, better=better))
@@ -247,11 +244,9 @@ def _noise_limits(
     model: Process | Fit, designed: Process, noise_gain: float | None, h: float | None, notes: list[str]
 ) -> dict[str, Any]:
     """Return the limits of noise. A default is noted."""
+    if noise_gain is not None and h is None:
+        raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
     if noise_gain is not None:
-        if h is None:
-            raise ValueError(
-                "sample_time must be given with noise_gain: sampled noise has no size without it"
-            )
         return {"noise_gain": noise_gain, "sample_time": h}
     if isinstance(model, Fit) and model.noise > 0 and model.record.steps:
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
@@ -283,11 +278,6 @@ def _without_short_delay(process: Process, fastest: float, doubts: list[str]) ->
         return process
     doubts.append(doubt("short delay", delay=process.delay, phase=PHASE_UNKNOWN))
     return Process(process.num, process.den)
-
-
-def _highest_crossover(loop: Loop) -> float:
-    """Return the highest gain crossover, 0 if there is none."""
-    return float(gain_crossovers(loop).max(initial=0.0))
 
 
 def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time: float | None) -> float:

@@ -14,8 +14,8 @@ from pidalab.controllers import PIDA
 from pidalab.loop import Loop
 from pidalab.plant.doubts import doubt, with_doubts
 from pidalab.plant.record.cleaning import column
-from pidalab.plant.safety import ms_or_infinite
 from pidalab.process import Process, fopdt, ipdt, lags
+from pidalab.robustness.margins import ms_or_infinite
 
 # kp/Ku, ti/Tu and td/Tu
 RULES = {

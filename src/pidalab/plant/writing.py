@@ -63,8 +63,6 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
                     file.write(text)
                     file.flush()
                     os.fsync(file.fileno())
-            if not replace:  # another run may have written here meanwhile
-                refuse_others(wanted)
             _rename(Path(hidden), list(wanted))
     except BaseException:
         for path in made:

@@ -32,9 +32,8 @@ NO_HIGHER = 1e-11  # relative amount by which a peak must exceed the best one to
 TINIEST = 1e-300  # smallest |L| that counts as other than 0
 HUGE = 1e9  # at a larger |L| a jump of the phase is due to a pole on the axis
 MOST_STEPS = 60  # steps of a refinement, each of which at least halves a bracket
-SAME_CROSSING = (
-    1e-8  # share of its first bracket by which the last step to a crossover moves: its square is rounding
-)
+# share of its first bracket by which the last step to a crossover moves: its square is rounding
+SAME_CROSSING = 1e-8
 # The last step to a peak, and the distance of points for differences, as shares of the first bracket.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
 PIECE = 64.0  # number of points that are skipped, or followed, together
@@ -364,10 +363,8 @@ class Axis(ABC):
             if pieces is not samples.w:
                 samples = self.at(pieces)
                 heights, most = values(samples), limits(samples)
-            turning, followed = (
-                np.diff(pieces) * self.delay > FINE_STEP,
-                np.zeros(pieces.size - 1, dtype=bool),
-            )
+            turning = np.diff(pieces) * self.delay > FINE_STEP
+            followed = np.zeros(pieces.size - 1, dtype=bool)
             promise = most
             while (more := turning & ~followed & ~(promise <= best * (1 + NO_HIGHER))).any():
                 first = np.argsort(np.where(more, promise, -np.inf))[::-1][:FOLLOWED_TOGETHER]

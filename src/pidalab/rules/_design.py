@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +12,7 @@ from pidalab.controllers import Controller
 from pidalab.controllers.base import six_digits
 from pidalab.loop import Loop
 from pidalab.process import Process, rational
+from pidalab.robustness.margins import ms_or_infinite
 
 if TYPE_CHECKING:
     from pidalab.digital import DigitalController
@@ -78,11 +78,7 @@ class Design:
     @cached_property
     def _ms(self) -> float:
         """Maximum sensitivity of the loop with the model, computed on first use."""
-        from pidalab.robustness.margins import max_sensitivity
-        from pidalab.robustness.poles import is_stable
-
-        loop = self.loop()
-        return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
+        return ms_or_infinite(self.loop())
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.info]

@@ -264,9 +264,9 @@ def tune(
     """
     _check.choice("test", test, ("setpoint", "load"))
     _check.choice("kind", kind, ("PIDA", "PID"))
-    pid, pida, table = (
-        (pid_setpoint, pida_setpoint, "Table 2") if test == "setpoint" else (pid_load, pida_load, "Table 3")
-    )
+    pid, pida, table = pid_setpoint, pida_setpoint, "Table 2"
+    if test == "load":
+        pid, pida, table = pid_load, pida_load, "Table 3"
     if kind == "PID":
         return Design(model, pid(model, alpha_d), source=f"heo2023, {table}")
     controller = pida(model, alpha_d, alpha_a)

@@ -276,9 +276,8 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         "ie": (1 - weights[0]) * ti,
         "smallest_te": smallest_te(m, n) * dead_time if n else 0.0,
     }
-    verdict = (
-        "stable" if te > info["smallest_te"] or m < 2 else "unstable with the model, which needs a longer te"
-    )
+    stable = te > info["smallest_te"] or m < 2
+    verdict = "stable" if stable else "unstable with the model, which needs a longer te"
     sources = MRDP_SOURCES | {"smallest_te": f"not in the paper; {verdict}"}
     prefilter = _prefilter(weights, [ti * x for x in (1.0, *td)])
     return Design(model, controller, prefilter, None, "huba2018, sec. II.B", info, sources)

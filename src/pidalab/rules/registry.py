@@ -81,12 +81,7 @@ class Rule:
         """The kinds of controllers that the rule designs."""
         return tuple(self.models)
 
-    def tune(
-        self,
-        model: Process,
-        kind: str,
-        requirements: Requirements = DEFAULT,
-    ) -> Design:
+    def tune(self, model: Process, kind: str, requirements: Requirements = DEFAULT) -> Design:
         """Design a controller of a kind.
 
         Parameters
@@ -174,12 +169,10 @@ def _itae(test: str) -> Rule:
 
 
 def _direct(test: str) -> Rule:
-    source, models, short = (
-        "fitted to optima, not from a paper",
-        {"PIDA": "second_order"},
-        "direct" * (test == "load"),
+    source, short = "fitted to optima, not from a paper", "direct" * (test == "load")
+    return Rule(
+        f"direct {test}", source, {"PIDA": "second_order"}, lambda model, *_: direct.tune(model, test), short
     )
-    return Rule(f"direct {test}", source, models, lambda model, *_: direct.tune(model, test), short)
 
 
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:

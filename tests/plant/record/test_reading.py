@@ -41,7 +41,7 @@ LATE = datetime(2026, 3, 5, 23, 59, 40)
         ("time,u,y\n" + lines(), {}),
         ("\ufefftime;valve;level\n" + lines("{};{};{}").replace(".", ","), {"u": "valve", "y": "level"}),
         (
-            "exported by a historian\n\ntime\tVALVE [%]\tLevel [mm]\n" + lines("{}\t{}\t{}"),
+            "by a historian\n\ntime\tVALVE [%]\tLevel [mm]\n" + lines("{}\t{}\t{}"),
             {"u": "valve", "y": "level"},
         ),
         (stamped("%Y-%m-%dT%H:%M:%S"), {}),
@@ -135,9 +135,7 @@ def test_changes_of_a_file_are_doubts(tmp_path):
 
 def test_columns_and_delimiters_are_checked(tmp_path):
     path = write(tmp_path, lines())
-    with pytest.raises(
-        ValueError, match="time, u and y must be different columns, found time = 0, u = 2, y = 2"
-    ):
+    with pytest.raises(ValueError, match="must be different columns, found time = 0, u = 2, y = 2"):
         Record.read_csv(path, u=2)
     with pytest.raises(ValueError, match=r"has no column 'u'; its columns are 3, without names"):
         Record.read_csv(path, u="u")
@@ -222,9 +220,7 @@ def test_long_lines_are_fast(tmp_path, line, head):
 
 def test_too_many_columns_are_refused(tmp_path):
     rows = "\n".join(",".join([str(k)] * 3000) for k in range(30))
-    with pytest.raises(
-        ValueError, match=r"step\.csv must have at most 2000 columns, found more divided by ','"
-    ):
+    with pytest.raises(ValueError, match=r"step\.csv must have at most 2000 columns"):
         Record.read_csv(write(tmp_path, rows))
 
 

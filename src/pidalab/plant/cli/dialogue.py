@@ -123,10 +123,7 @@ plant = add_options(
 )
 columns = add_options(
     click.option(
-        "--time",
-        callback=column,
-        show_default="time, or 0",
-        help="Column of the times: name, or number from 0.",
+        "--time", callback=column, show_default="time, or 0", help="Column of times: name or number."
     ),
     click.option("--u", callback=column, show_default="u, or 1", help="Column of the plant's input."),
     click.option("--y", callback=column, show_default="y, or 2", help="Column of the measured output."),

@@ -85,9 +85,7 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
 @click.option("--kp", type=float, help="Gain.")
 @click.option("--ti", default=math.inf, help="Integral time; default: no integral action.")
 @dialogue.times
-@click.option(
-    "--controller", type=dialogue.EXISTING, help="A controller.json of 'pidalab tune' instead of gains."
-)
+@click.option("--controller", type=dialogue.EXISTING, help="A controller.json in place of gains.")
 @click.option("--until", type=dialogue.ABOVE, required=True, help="End of the simulation.")
 @click.option("--setpoint", default=1.0, help="Step of the set point at 0.")
 @click.option("--load", default=0.0, help="Step of the load at 0.")

@@ -15,7 +15,7 @@ from pidalab.plant.doubts import doubt
 
 MODEL_WORDS = ("auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz")
 ANTI_WINDUP_WORDS = ("reset", "back-calculation", "clamping", "none")
-WEIGHT = click.FloatRange(0.0, 1.0)
+WEIGHT, FROM_ZERO, ABOVE = click.FloatRange(0.0, 1.0), click.FloatRange(0.0), dialogue.ABOVE
 READING = ("time", "u", "y", "period", "delimiter", "skip", "u_before", "outliers", "run")
 TUNING = ("rule", "ms", "ms_worst", "noise_gain", "spread", "sample_time")
 CODE = {"c": "c", "st": "structured_text", "py": "python", "json": "json"}
@@ -48,10 +48,8 @@ code = dialogue.add_options(
     dialogue.limits,
     click.option("--b", type=WEIGHT, help="Set-point weight of P; default: 0.5, or 1 with a prefilter."),
     click.option("--c", type=WEIGHT, help="Set-point weight of D and A; default: 0, or 1 with a prefilter."),
-    click.option(
-        "--rate-limit", type=dialogue.ABOVE, default=math.inf, help="Largest change of u in a unit of time."
-    ),
-    click.option("--deadband", type=click.FloatRange(0.0), default=0.0, help="Error in y that is ignored."),
+    click.option("--rate-limit", type=ABOVE, default=math.inf, help="Largest change of u in a unit of time."),
+    click.option("--deadband", type=FROM_ZERO, default=0.0, help="Error in y that is ignored."),
     click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="What a limit does to I."),
     click.option("--feedforward", is_flag=True, help="Code with an input that is added to u."),
     click.option("--float", "single", is_flag=True, help="C code in single precision."),
@@ -62,9 +60,7 @@ code = dialogue.add_options(
 @dialogue.main.command("report")
 @record
 @design
-@click.option(
-    "--trade-off", is_flag=True, help="Also the least error for each noise gain, at two limits of Ms."
-)
+@click.option("--trade-off", is_flag=True, help="Also the least error for each noise gain, at two Ms.")
 @click.option("--out", type=dialogue.OUT_FILE, help="HTML file to write.")
 @dialogue.force
 def report_command(out: Path | None, force: bool, trade_off: bool, **options: Any) -> None:
@@ -160,11 +156,7 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
 @click.option("--ti", type=float, required=True, help="Integral time, in the log's unit of time.")
 @dialogue.times
 @click.option(
-    "--filter",
-    "lag",
-    type=click.FloatRange(0.0),
-    default=0.0,
-    help="Time constant of the measurement's filter.",
+    "--filter", "lag", type=FROM_ZERO, default=0.0, help="Time constant of the measurement's filter."
 )
 @click.option("--sample-time", type=float, help="Of the controller; default: that of the log.")
 @dialogue.limits

@@ -8,8 +8,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import textwrap
 from collections.abc import Iterable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,7 +21,6 @@ from pidalab._version import __version__
 from pidalab.digital.languages import PYTHON, Language, function, method, statements
 from pidalab.digital.parameters import LARGEST_SIGNAL, Parameters
 from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
-from pidalab.plant.code.words import identifier
 from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
@@ -30,6 +31,18 @@ INVALID_MEASUREMENT = 1e30  # single precision can hold it, too
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # characters of a line
 MOST_NOTES, LONGEST_NOTE = 40, 500  # lines of a note and their characters
 PRECISIONS = ("double", "single")
+LONGEST_NAME = 32  # characters of a name that every compiler distinguishes
+# words of the three languages, of their libraries and of vendors of PLCs, in small letters: structured text ignores
+# case, and a variable with the name of a library block, such as "integral" or "action", does not compile
+RESERVED = frozenset(
+    re.sub("#.*", "", Path(__file__).with_name("reserved.txt").read_text(encoding="utf-8")).split()
+)
+# conversions such as REAL_TO_INT, and typed functions such as ADD_REAL
+FAMILIES = re.compile(
+    r"[a-z]+[0-9]*(_bcd)?_to_[a-z0-9_]+|(abs|add|div|eq|expt?|g[et]|l[et]|mul|ne|sub|limit|max|min|mux|sel|move|trunc|"
+    r"sqrt|ln|log|a?sin|a?cos|a?tan|and|x?or|not|mod|ct[ud]{1,2})_[a-z]+"
+)
+OWN = frozenset(("tested", "worst", "off", "k", "s", "state", "reset", "selftest"))  # names of the self-tests
 
 
 def _number_of_structured_text(value: float) -> str:
@@ -56,6 +69,44 @@ LANGUAGES = {
     ),
     "python": PYTHON,
 }
+
+
+def identifier(name: str, taken: Iterable[str] = ()) -> str:
+    """Check a name for code: letters, digits and single underscores, as all three languages allow.
+
+    Parameters
+    ----------
+    name : str
+        Name of a controller, in small letters.
+    taken : iterable of str, optional
+        Further names that the code uses.
+
+    Returns
+    -------
+    str
+        The name.
+
+    Raises
+    ------
+    ValueError
+        For a name that is not an identifier, and for a reserved word.
+
+    Examples
+    --------
+    >>> from pidalab.plant.code.files import identifier
+    >>> identifier("level_2")
+    'level_2'
+    """
+    plain = isinstance(name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", name) and len(name) <= LONGEST_NAME
+    if plain:
+        capitals = "".join(word.capitalize() for word in name.split("_"))  # the class in Python
+        reserved = name in RESERVED | OWN or FAMILIES.fullmatch(name) or name.startswith("test_")
+        if not reserved and {name, capitals}.isdisjoint(taken):
+            return name
+    raise ValueError(
+        "name must be an identifier of small letters, digits and single underscores that begins with a letter, has at "
+        f"most {LONGEST_NAME} characters and is no word of a language, a library or this code, found {name!r:.60}"
+    )
 
 
 def head(

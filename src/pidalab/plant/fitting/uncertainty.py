@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.special import chdtri
 
 from pidalab._check import Array
@@ -106,8 +107,7 @@ def covariance(found: FitResult) -> Array:
 
 def rough(x: Array) -> Array:
     """Return a signal less its running median."""
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(x, 4, mode="reflect"), 9)
-    return np.asarray(x - np.median(around, axis=1), dtype=float)
+    return np.asarray(x - median_filter(x, 9, mode="mirror"), dtype=float)
 
 
 def closed_loop_factor(record: Record, found: FitResult) -> float:

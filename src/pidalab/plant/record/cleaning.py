@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from pidalab import _check
 from pidalab._check import Array
@@ -47,7 +48,7 @@ def cleaned(
 ) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time and average samples of the same time.
 
-    Also return the input before the record and the indices of the samples. The last input of each time is held; the
+    Also return the input before the record and the indices of the samples. The last input of each time is held. The
     first one of the first time is the input before.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]
@@ -147,8 +148,7 @@ def far_off(y: Array) -> Places:
     if known.size < FEWEST:
         return known[:0]
     # mirrored at the ends, so that the last sample has neighbours on both sides
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(y[known], 4, mode="reflect"), 9)
-    away = np.abs(y[known] - np.median(around, axis=1))
+    away = np.abs(y[known] - median_filter(y[known], 9, mode="mirror"))
     low, high = np.quantile(y[known], [0.02, 0.98])
     return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
 

@@ -301,7 +301,7 @@ def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
 def _clock(
     entries: Sequence[str], column: tuple[Array, Array], title: str, doubts: list[str]
 ) -> tuple[tuple[Array, Array], str, str]:
-    """Return the times, from their numbers or dates; their unit; and the date of the first one."""
+    """Return the times, from their numbers or dates, their unit, and the date of the first one."""
     times, wrong = column
     if 2 * wrong.sum() > wrong.size:
         return _stamps(entries, column, doubts)
