@@ -111,8 +111,8 @@ def find_curves(
 
     require_no_zero_at_origin("process", process)
     order = _check.integer("order", order, at_least=0, at_most=HIGHEST_ORDER)
-    levels = sorted({_check.real("ms", one, above=1.0) for one in ms})
-    noises = sorted({_check.real("noise_gains", one, above=0.0) for one in noise_gains})
+    levels = sorted({_check.real("ms", value, above=1.0) for value in ms})
+    noises = sorted({_check.real("noise_gains", value, above=0.0) for value in noise_gains})
     sample_time = _check.real("sample_time", sample_time, above=0.0)
     below: list[list[_Point]] = []
     designs: dict[tuple[int, float, float], Design] = {}
