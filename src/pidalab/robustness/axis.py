@@ -1,9 +1,9 @@
 """A loop along the frequency axis: grid, crossovers and peaks, for loops in s and in z.
 
 The grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid points, but
-the dead time turns the phase without bound. So a grid step is divided further only if the dead time turns the phase quickly
-within the step *and* L is large enough, or a peak in the step may be high enough, to matter. Array operations then
-refine all crossovers, or all peaks, at once.
+the dead time turns the phase without bound. So a grid step is divided further only if two things hold: the dead time
+turns the phase quickly within the step, *and* L is large enough there, or the upper bound of a sought peak is high
+enough. Array operations then refine all crossovers, or all peaks, at once.
 """
 
 from __future__ import annotations
