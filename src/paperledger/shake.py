@@ -1,26 +1,27 @@
 """Change every number that a library returns by a few parts in 100,000, and check which rows of a ledger change.
 
-A number that a page takes from a paper or from a ledger stays the same. A number that it takes from the library
-changes. A row that does not change was copied, or its column ``made`` says why.
+A number that a page computes with the library changes. A number that the page copies from a paper or from a ledger
+stays the same. So a row that does not change was copied, unless its column ``made`` gives another reason.
 
 Notes
 -----
-State: `Shaker` counts in ``_inside`` how many calls into the package are active. Wrappers replace every public
-function, method and property of the package, in every module of the package that holds it. They call the unchanged
-originals.
+State: wrappers replace every public function, method and property of the package, in each module of the package where
+its name occurs. A wrapper calls the unchanged original. `Shaker` counts in ``_inside`` how many calls into the package
+are active.
 
-Invariant: a wrapper changes its result only if it is the outermost call (``_inside`` is 0 before and after it).
-Everything inside is exact. So searches converge, and a number is changed once, not by each function that returns it.
-Constructors and operators are kept exact, and so is every call inside them.
+Invariant: a wrapper changes its result only if it is the outermost call, that is, if ``_inside`` is 0 before and after
+the call. All calls inside the outermost call are exact. So searches converge, and each number is changed only once.
+Constructors and operators are exact, and so is every call inside them.
 
-The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. It is
-deterministic, between 2 and 6 times ``SIZE``, and not a common factor, so quotients of two results change as well.
-Whole numbers, 0 and infinities do not change.
+The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, where each function has its own phase. The
+change is deterministic and between 2 and 6 times ``SIZE``. It differs from number to number, so that the quotient of
+two results changes as well. Whole numbers, 0 and infinities do not change.
 
-Prints are changed in the same way, a thousand times less, when a page reads them as numbers. So the size of a change
-shows the origin of a number: no change (copied), a change as of prints (from print), or as of the library (computed).
-Pages with rows of the basis *computed* also run with changed prints and an exact library. These rows must not change in
-that run.
+Printed numbers, which a page reads from its ledger, are changed in the same way, a thousand times less. So the size of
+its change shows where a number comes from. A copied number does not change. A number that was computed from printed
+numbers changes by as little as they do, and a number that was computed with the library changes much more. Pages with
+rows of the basis *computed* also run with an exact library and changed printed numbers. In that run, rows with this
+basis must not change.
 """
 
 import os
@@ -47,33 +48,37 @@ from paperledger.rows import Row, find_folder, making, papers
 from paperledger.running import execute, pages
 from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, exponent, read_number, write
 
-SIZE = 1e-5  # a number changes by two to six times this
-PRINTS = 1e-3  # ratio of the changes of prints and of the library
-COPIED = 1e-9  # a smaller relative change is the rounding of a stored number
-PRINTED = 1e-6  # prints change a row by about 4e-8 or a few times that, the library by at least 2e-6
+SIZE = 1e-5  # the relative change of a number is two to six times this
+PRINTS = 1e-3  # change of a printed number, divided by the change of a result of the library
+COPIED = 1e-9  # a smaller relative change is due to the rounding of a stored number
+# A smaller relative change of a row comes from printed numbers, which change rows by about 4e-8 or a few times as much.
+# The library changes rows by 2e-6 or more.
+PRINTED = 1e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
-Runs = Mapping[str, "Run"]  # by page
-Handed = dict[str, tuple[Row, int]]  # by id: the row, and the number of the cell that passed it
+Runs = Mapping[str, "Run"]  # keys: paths of pages
+Handed = dict[str, tuple[Row, int]]  # keys: ids of rows; values: the row, and the cell that passed it to the ledger
 
 
 @dataclass
 class Shaker:
-    """Package whose results are changed, with exceptions.
+    """Description of a package whose results are changed, and of the exceptions.
 
     Parameters
     ----------
     package : str
         Name of the package whose public functions, methods and properties are wrapped.
     exact : frozenset of str, optional
-        Functions that stay exact because they only assemble their arguments, such as ``demo.plant.make_plant``.
+        Names of functions that stay exact because they only assemble their arguments, such as
+        ``demo.plant.make_plant``.
     fields : frozenset of str, optional
-        Fields of objects that do not change, such as times.
+        Names of fields that do not change when their object is changed, such as times.
     whole : dict of str to function, optional
-        Functions that change an object of a class as a whole, by the name of the class. They take the object and `off`.
-        By default each field is changed separately.
+        Keys are names of classes. Each value is a function that changes an object of this class as a whole. Its
+        arguments are the object, and a function that changes a number of the given name. By default each field of an
+        object is changed separately.
     only_prints : bool, optional
-        Leave the library exact, and change only the prints that pages read.
+        True to leave the library exact, and change only the printed numbers that pages read.
 
     Examples
     --------
@@ -101,7 +106,7 @@ class Shaker:
         value : any
             A number, an array, a container of these, or an object of the package.
         key : str
-            Name of the function that returns it.
+            Name of the function that returned the value. It determines the phase of the change.
 
         Returns
         -------
@@ -167,13 +172,13 @@ class Shaker:
         copies[id(value)] = result, value
         for name, item in value.__dict__.items():
             if isinstance(getattr(type(value), name, None), property):
-                continue  # a cached value, to be computed again
+                continue  # a cached value, which is computed again from the changed fields
             kept = name in self.fields
             result.__dict__[name] = item if kept else self._walk(item, f"{key}.{name}", copies)
         return result
 
     def _part(self, key: str, place: Any) -> Any:
-        """Return a relative perturbation, different for each function."""
+        """Return the relative change of numbers, from the name of a function and the logarithms of their sizes."""
         phase = crc32(key.encode()) % 6283 / 1000
         return SIZE * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 
@@ -182,7 +187,7 @@ class Shaker:
     def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Return a function whose result is changed if it is the outermost call. `call` may replace the function."""
+        """Wrap a function, so that its result is changed if it is the outermost call. `call` may replace the body."""
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
         exact = self.kept_exact(work)
 
@@ -196,7 +201,7 @@ class Shaker:
         return through
 
     def kept_exact(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function, such as a constructor or an operator, that is exact, as are all calls inside it."""
+        """Wrap a function, such as a constructor or an operator, so that all calls inside it are exact."""
 
         @wraps(function)
         def within(*args: Any, **options: Any) -> Any:
@@ -214,7 +219,7 @@ class Shaker:
         for info in walk_packages(getattr(package, "__path__", ()), f"{self.package}."):
             if not info.name.endswith(".__main__"):
                 import_module(info.name)
-        wrapped: dict[int, Any] = {}  # by the id of the original, which several modules may hold
+        wrapped: dict[int, Any] = {}  # keys: ids of the originals, since several modules may import the same one
         for module in [m for name, m in sys.modules.items() if name.partition(".")[0] == self.package]:
             for name, value in [*vars(module).items()]:
                 home = getattr(value, "__module__", None) or ""
@@ -250,16 +255,16 @@ class Shaker:
 
 @dataclass(frozen=True)
 class Run:
-    """Rows that one page passed.
+    """Result of running one page: the rows that the page passed to its ledgers.
 
     Parameters
     ----------
     page : str
-        Its path below the book, without suffix.
+        Path of the page below the folder of the book, without suffix.
     handed : dict of str to tuple
-        By id the row with the passed value, and the number of the cell.
+        For the id of each row, the row with the passed value and the number of the cell.
     wrong : tuple of str
-        Errors that stopped the page, or changes that it made to the ledger.
+        Errors that stopped the page.
 
     Examples
     --------
@@ -273,7 +278,7 @@ class Run:
 
 
 class _Print(str):
-    """Printed number that is exact as text and slightly changed as a number."""
+    """Printed number that is unchanged as a text, and slightly changed when it is converted to a float."""
 
     shaken: float
 
@@ -282,7 +287,7 @@ class _Print(str):
 
 
 def _shaken_print(row: Row, shaker: Shaker) -> str:
-    """Return the print of a row as a page reads it, with a change that differs from row to row."""
+    """Return the printed value of a row as a page reads it, with a change that differs from row to row."""
     try:
         exact = float(read_number(row.printed))
     except LedgerError:  # a statement, or a file that `check` refuses
@@ -297,7 +302,7 @@ def _name(path: Path, book: Path) -> str:
 
 
 def run(path: Path, book: Path, shaker: Shaker) -> Run:
-    """Run one page of a book with changed prints and the imported library."""
+    """Run one page of a book with changed printed numbers and with the library as it is imported."""
     name = _name(path, book)
     handed: Handed = {}
     number, wrong = 0, []
@@ -317,7 +322,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
 
 
 def distance(old: Row, new: Row) -> float:
-    """Return the relative change of a row, for a statement that of the side that changed more.
+    """Return the relative change of a row. For a statement, the side of an inequality that changes most counts.
 
     >>> one = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
@@ -325,12 +330,12 @@ def distance(old: Row, new: Row) -> float:
     """
     identity = old.is_statement and Relation.parse(old.relation).is_identity
     if identity and Evidence.parse(new.evidence).verdict == "holds" and float(_numbers(new)[0]) <= PRINTED:
-        return 0.0  # Only the decade of a residual due to rounding is stored.
+        return 0.0  # A residual due to rounding may change, since only its decade is stored.
     return max(map(_apart, _numbers(old), _numbers(new)))
 
 
 def _numbers(row: Row) -> list[str]:
-    """Return the computed number of a row, or the sides of the inequalities that decide a statement."""
+    """Return the computed number of a row, or both sides of all inequalities that decide a statement."""
     if not row.is_statement:
         return [row.computed]
     sides = [(inequality.left, inequality.right) for inequality in Evidence.parse(row.evidence).inequalities]
@@ -345,7 +350,7 @@ def _apart(old: str, new: str) -> float:
 
 
 def _rounded(old: Row, new: Row) -> bool:
-    """Return True if a number changed and still ends in zeros, so that it is rounded."""
+    """Return True if a number was rounded: it changed, and ends in zeros before and after the change."""
     return any(
         _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a
         for a, b in zip(_numbers(old), _numbers(new), strict=False)
@@ -353,7 +358,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if a row got its own print, as the page could read it."""
+    """Return True if the computed value of a row is its own printed number, as the page reads that number."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -362,19 +367,19 @@ def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
 
 
 def _starts_clean(row: Row) -> bool:
-    """Return True if no printed number may enter a row. A statement may be about one."""
+    """Return True if no printed number may enter a row. A statement may be about printed numbers."""
     return row.basis == "computed" and not row.is_statement
 
 
 def judge(row: Row, new: Row, shaker: Shaker) -> str:
-    """Return what is wrong with a row from a run with a changed library, empty if nothing is.
+    """Return an error text for a row of a changed run, or an empty text if the row is in order.
 
     Parameters
     ----------
     row : Row
-        As it is stored.
+        The stored row.
     new : Row
-        Row of the run with changed library and prints, or changed prints only.
+        The same row from a changed run. Either library and printed numbers are changed, or only printed numbers.
     shaker : Shaker
         Shaker of that run.
 
@@ -392,31 +397,31 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     >>> judge(replace(row, made="page: gain"), row, Shaker("demo"))
     ''
     >>> judge(row, replace(row, computed="1.309852345"), Shaker("demo", only_prints=True))
-    'moves by 3.1e-05 as prints alone are off: its basis is from-print or fitted'
+    'moves by 3.1e-05 when only printed numbers change: its basis is from-print or fitted'
     """
     far, stays, value = distance(row, new), making(row.made)[1], row.found.partition(" | ")[0]
     if shaker.only_prints:
         if not _starts_clean(row) or row.same(new):
             return ""
-        return f"moves by {far:.1e} as prints alone are off: its basis is from-print or fitted"
+        return f"moves by {far:.1e} when only printed numbers change: its basis is from-print or fitted"
     if _own_print(row, new, shaker):
-        return "hands back its own print"
-    # Prints change each by a different share. The changes may nearly cancel, so only an equal number is a copy.
+        return "is its own printed number"
+    # Changes of several printed numbers may nearly cancel, so a row from them counts as copied only if it is unchanged.
     if far < (COPIED if row.basis != "from-print" else 1e-12):
         return "" if stays else f"stays at {value}"
-    if stays == "count" and _rounded(row, new):  # it moved to the next place of its grid
+    if stays == "count" and _rounded(row, new):  # the count moved to the next point of a grid
         return ""
     if stays:
         return f"moves by {far:.1e}, so 'made' needs no {stays!r}"
     if _rounded(row, new):
         return f"is rounded, {value}"
     if far < PRINTED and row.basis != "from-print":
-        return f"moves by {far:.1e}, as print does: its basis is from-print, not {row.basis}"
+        return f"moves by {far:.1e}, as little as printed numbers: its basis is from-print, not {row.basis}"
     return ""
 
 
 def judged(row: Row, runs: Runs, shaker: Shaker) -> str:
-    """Return what is wrong with a row, and where, empty if nothing is."""
+    """Return an error text for a row with its page and cell, or an empty text if the row is in order."""
     if row.page not in runs or row.id not in runs[row.page].handed:
         return f"{row.id}: never handed over"
     new, cell = runs[row.page].handed[row.id]
@@ -425,20 +430,23 @@ def judged(row: Row, runs: Runs, shaker: Shaker) -> str:
 
 
 def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list[str]:
-    """Judge rows by the runs of their pages. The first line has the counts, each other line a row that is refused.
+    """Judge rows by the runs of their pages.
 
     Parameters
     ----------
     rows : sequence of Row
-        The rows that a page has to pass.
+        The rows that some page has to pass.
     shaker : Shaker
         Shaker of the runs.
-    runs, exact : mapping of str to Run
-        Runs by page, with changed library and prints, and with exact library and changed prints.
+    runs : mapping of str to Run
+        For each page, the run with a changed library and changed printed numbers.
+    exact : mapping of str to Run
+        For some pages, the run with an exact library and changed printed numbers.
 
     Returns
     -------
     list of str
+        First a line with the counts, then one line for each row that is refused.
 
     Examples
     --------
@@ -461,7 +469,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
 
 
 def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]:
-    """Run each page in a forked process, which inherits the imports, a few at a time. Return the runs by page."""
+    """Run pages in forked processes, which inherit the imports, `WORKERS` at a time. Return the run of each page."""
     fork, waiting = get_context("fork"), [*paths]
     running: dict[Any, tuple[str, Any]] = {}
     results: dict[str, Run] = {}
@@ -481,8 +489,8 @@ def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]
             except EOFError:  # the child ended without a result
                 results[name] = Run(name, {}, (f"{name}: its process died",))
             child.join()
-            off = "prints" if shaker.only_prints else "library"
-            progress = f"[{len(results)}/{len(paths)}] {name}, {off} off"
+            off = "printed numbers" if shaker.only_prints else "library"
+            progress = f"[{len(results)}/{len(paths)}] {name}, changed {off}"
             print("\n  ".join([progress, *results[name].wrong]), file=sys.stderr, flush=True)
     return results
 
@@ -490,26 +498,26 @@ def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]
 def shake(
     shaker: Shaker, folder: Path | str | None, keys: Sequence[str], prepare: Callable[[], None] | None = None
 ) -> int:
-    """Run all pages of some papers with a changed library, and print which rows move.
+    """Run all pages of some papers with a changed library, and print which rows change.
 
-    Before that, pages with rows of the basis *computed* run with an exact library and changed prints. These rows must
-    not move.
+    First, pages with rows of the basis *computed* run with an exact library and changed printed numbers. In this run
+    rows with this basis must not change.
 
     Parameters
     ----------
     shaker : Shaker
-        Package and exceptions. The package stays changed in this process.
+        Package and exceptions. In this process the package remains wrapped afterwards.
     folder : path, optional
         Folder of the csv files; by default as in `Ledger.open`.
     keys : sequence of str
         Keys of papers, empty for all.
     prepare : callable, optional
-        Called once before the pages run, for example to compile code.
+        Function that is called once before the pages run, for example to compile code.
 
     Returns
     -------
     int
-        0, or 1 if a row or a page is refused.
+        1 if a row or a page is refused, otherwise 0.
 
     Raises
     ------
@@ -517,7 +525,7 @@ def shake(
         On a system that cannot fork processes, such as Windows.
     """
     if not hasattr(os, "fork"):
-        raise LedgerError("to shake a library takes a system that can fork, such as Linux")
+        raise LedgerError("shake takes a system that can fork processes, such as Linux")
     place = find_folder(folder).resolve()
     book, chosen = place.parent, [*keys] or papers(place)
     all_rows = {paper: Ledger.open(paper, folder=place).rows.values() for paper in chosen}

@@ -259,8 +259,9 @@ class DigitalController(Parameters):
         manual : float, optional
             Control signal in manual mode. By default the mode is automatic.
         track : float, optional
-            Signal that acted since the last sample in place of the returned one: of a selector or an operator, or the
-            position of the actuator. The first call starts from it.
+            Signal that has acted on the plant, instead of the returned signal, since the last sample. It may be the
+            output of a selector, the command of an operator or the position of the actuator. If it is given in the
+            first call, the controller starts from it instead of `bias`.
         feedforward : float, optional
             Signal to add, for a controller that was discretised with ``feedforward=True``.
 

@@ -5,14 +5,15 @@ Every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes, with each method, a 
 .. math:: x_k = x_{k-1} + g_0\,(v_k - x_{k-1}) + g_1\,(v_{k-1} - x_{k-1}), \qquad
           q(z) = \frac{g_0 z + g_1}{z - 1 + g_0 + g_1}.
 
-It keeps its static gain in single precision, too. Derivatives are differences along the chain: with
-:math:`s = (1 - q)/(T_F q)`, n equal lags give
+In this form the static gain of the lag is exact, in single precision too. Derivatives are differences of the states
+along a chain of lags. With :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-the j-th difference of the last states. Lags of different time constants, as of a part behind an output filter, make the
-same chain, with differences of lower order in parallel. That holds for *backward* and *tustin*, which substitute s.
-*zoh*, exact for a held input, has the same differences with other gains.
+which is the j-th difference of the last states. Lags with different time constants, such as those of a filtered
+derivative and an output filter in series, also form one chain. A derivative then needs gains on differences of lower
+order as well. All this holds for the methods *backward* and *tustin*, which substitute s. The method *zoh* is exact for
+a held input. It uses the same differences with other gains.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            integral of e over a sample
@@ -22,13 +23,14 @@ tustin     :math:`h/(2 T_F + h)`    :math:`h/(2 T_F + h)`  :math:`h\,(e_k + e_{k
 zoh        0                        1 - exp(-h/T_F)        :math:`h\,e_{k-1}`
 =========  =======================  =====================  =======================================
 
-The prefilter. Let :math:`\tau` be the geometric mean of its time constants, and :math:`p = 1 + \tau s`. Then its
-denominator is a polynomial of p. The states :math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)`, i < n, rest at the
-set point, and :math:`\dot x = A (x - r)`. Each method moves them by their distances from the set point,
+*Prefilter.* Let :math:`\tau` be the geometric mean of the time constants of the prefilter, and :math:`p = 1 + \tau s`.
+The denominator is written as a polynomial of p, and the states are
+:math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)` for i < n. At rest all states equal the set point r, and
+:math:`\dot x = A (x - r)`. Each method moves the states in proportion to their distances from the set point,
 
 .. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
 
-and the filter keeps its static gain of 1 in single precision, too.
+so that the static gain of 1 is exact, in single precision too.
 
 =========  ====================================  =================================
 method     M                                     target v_k
@@ -53,9 +55,9 @@ from pidalab.forms import FilteredGains
 from pidalab.roots import roots
 
 METHODS = ("backward", "tustin", "zoh")
-# Weights of e_k and e_{k-1} in the integral.
+# Weights of e_k and e_{k-1} in the increment of the integral.
 METHOD_WEIGHTS = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
-# Number of terms of the matrix exponential. The remainder is below 1/50!
+# Number of terms in the series of the matrix exponential. The remainder is less than 1/50 factorial.
 SERIES_TERMS = 60
 
 
@@ -71,7 +73,7 @@ class FilterChain(NamedTuple):
     new, old : tuple of float
         g_0 and g_1 of each lag.
     gains : tuple of float
-        Gains on the last state and on the differences of order 1 to n that end there; n lags.
+        Gains on the last state and on the differences of order 1 to n that end at the last state, for n lags.
     """
 
     name: str
@@ -86,11 +88,11 @@ class FilterChain(NamedTuple):
         return len(self.new)
 
     def __call__(self, z: Any) -> Any:
-        """Evaluate from the input of the chain to its part of the control signal, at complex z."""
+        """Evaluate the transfer function from the input of the chain to its contribution to u, at complex z."""
         states: list[Any] = [np.ones_like(z)]
         for new, old in zip(self.new, self.old, strict=True):
             states.append(states[-1] * (new * z + old) / (z - 1 + new + old))
-        # This first difference has no cancellation at low frequencies: 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1).
+        # The first differences use 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1), without cancellation near z = 1.
         level: list[Any] = [
             x * (1 - new) * (z - 1) / (z - 1 + new + old)
             for x, new, old in zip(states, self.new, self.old, strict=False)
@@ -102,7 +104,7 @@ class FilterChain(NamedTuple):
         return total
 
     def num_den(self) -> tuple[Array, Array]:
-        """Return numerator and denominator, descending powers of z."""
+        """Return numerator and denominator in descending powers of z."""
         poles = [np.array([1.0, new + old - 1.0]) for new, old in zip(self.new, self.old, strict=True)]
         lags = [np.array([new, old]) for new, old in zip(self.new, self.old, strict=True)]
         # First the numerators of the states over the common denominator, then those of their differences.
@@ -125,9 +127,10 @@ def _product(factors: Sequence[Array]) -> Array:
 def filter_chains(
     parts: tuple[FilteredGains, ...], behind: tuple[float, int], h: float, method: str, b: float, c: float
 ) -> tuple[FilterChain, ...]:
-    """Discretise parts behind an output filter, given as time constant and order of its equal lags.
+    """Discretise the parts of a controller in series with an output filter of equal lags.
 
-    The weights of the set point are 1 in the integral, b in the error and c in the derivatives.
+    `behind` holds the time constant and the number of these lags. The weight of the set point is 1 in the integral, b
+    in the proportional part and c in the derivatives.
     """
     _require_useful("filter behind the controller", *behind, h, method)
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
@@ -153,16 +156,17 @@ def filter_chains(
 
 
 def _require_useful(what: str, time: float, order: int, h: float, method: str) -> None:
-    """Raise if a filter is too fast for the sample time and the method."""
+    """Raise an error if a filter is too fast for the sample time and the method."""
     most = {"backward": math.inf, "tustin": 2.0, "zoh": 1.0}[method]
     if order and h > most * time * (1 + 1e-9):
         because = {
             "tustin": "its lags would ring, with a pole at z below 0",
-            "zoh": "a derivative behind it would have forgotten each step at the next sample",
+            "zoh": "the effect of a step on a filtered derivative would have decayed before the next sample",
         }[method]
         raise ValueError(
             f"sample_time must be at most {most * time:.6g} with method={method!r}, found {h:.6g}: the {what} has the "
-            f"time constant {time:.6g}, and {because}; take method='backward', sample faster or filter longer"
+            f"time constant {time:.6g}, and {because}; take method='backward', a shorter sample time or a longer time "
+            "constant"
         )
 
 
@@ -178,11 +182,11 @@ def _lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
 def _by_weight(
     part: FilteredGains, filtered: bool, b: float, c: float
 ) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Split gains by their weight of the set point. Return one entry if all weights are 1."""
+    """Split gains by the weight of the set point on which they act. Return one entry if all weights are 1."""
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # A filtered integral needs separate lags for the part of the input that it has not integrated yet.
+    # With different weights, the filtered integral needs its own chain of lags, which corrects the pure integral.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
@@ -194,30 +198,31 @@ def _by_weight(
 
 
 def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
-    """Return the gains on differences that equal given gains on powers of s, except for the pure integral K_-1/s."""
+    """Convert gains on powers of s to equivalent gains on differences, without the pure integral K_-1/s."""
     ki, *others = gains
     n = lags.size
     result = np.zeros(n + 1)
-    # K_-1/(s prod (1 + T_i s)) is K_-1/s less K_-1 times the sum of T_i x_i; and x_i is (1 + difference)^(n - i) x_n
+    # K_-1/(s prod (1 + T_i s)) equals K_-1/s - K_-1 sum T_i x_i, where x_i is (1 + difference)^(n - i) x_n.
     for i, time in enumerate(lags, start=1):
         result[: n - i + 1] -= ki * time * np.array([math.comb(n - i, m) for m in range(n - i + 1)])
-    # s x_i = (x_(i-1) - x_i)/T_i, with times in units of the first; rows: (T_1 s)^k x_i as differences that end at x_i
+    # Row i of `level` expresses (T_1 s)^k x_i by differences that end at x_i. It follows from
+    # s x_i = (x_(i-1) - x_i)/T_i.
     level = np.eye(1, n + 1).repeat(n + 1, axis=0)
     for k, gain in enumerate(others):
         if gain:
             result += gain / (lags[0] ** k if n else 1.0) * level[-1]
-        # differences that end at x_(i-1) become differences that end at x_i
+        # Differences that end at x_(i-1) are converted to differences that end at x_i.
         before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))
         level = (before - level[1:]) * (lags[0] / lags[k:])[:, np.newaxis] if k < n else level
     return result
 
 
 def held_gains(gains: Array, lags: Array, h: float) -> Array:
-    r"""Return the gains on differences of *discrete* lags that equal gains on a continuous chain with a held input.
+    r"""Convert gains on a continuous chain with a held input to equivalent gains on differences of discrete lags.
 
-    Both chains have the poles :math:`p_i = e^{-h/T_i}`. At the samples, the states of the continuous chain are T times
-    those of the discrete one. Each column of T follows from the column before it: a held input acts on that column for
-    one sample, and p times the column is subtracted.
+    Both chains have the poles :math:`p_i = e^{-h/T_i}` at the samples, where the states of the continuous chain are a
+    matrix T times the states of the discrete chain. Each column of T is computed from the preceding column. That column
+    is advanced by one sample, and the column times its pole is subtracted.
 
     Parameters
     ----------
@@ -252,7 +257,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     to_states[..., 0, 0] = 1.0
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
-        # The differences to the pole of a faster lag are not negative.
+        # The diagonal holds the differences to the pole of lag i, which expm1 computes without cancellation. They are not
+        # negative if the faster lags come first.
         slower = np.tril(transition[..., 1:, 1:], -1)
         slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
         column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]
@@ -270,7 +276,7 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     return result
 
 
-UNIT = 1e-9  # tolerance of a static gain of 1
+UNIT = 1e-9  # largest accepted deviation of the static gain from 1
 
 
 class Prefilter(NamedTuple):
@@ -279,13 +285,13 @@ class Prefilter(NamedTuple):
     Attributes
     ----------
     num, den : tuple of float
-        The continuous filter, descending powers of s.
+        Continuous filter, in descending powers of s.
     new, old : float
         Weights of the present and the previous set point in v_k.
     move : tuple of tuple of float
         M, row by row.
     out : tuple of float
-        What the distances of the states from the set point add to it.
+        Gains on the distances of the states from the set point. The filtered set point is the set point plus their sum.
     """
 
     num: tuple[float, ...]
@@ -296,13 +302,13 @@ class Prefilter(NamedTuple):
     out: tuple[float, ...]
 
     def __call__(self, z: Any) -> Any:
-        """Evaluate from the set point to the filtered one, at complex z."""
+        """Evaluate the transfer function from the set point to the filtered set point, at complex z."""
         n = len(self.out)
         result = np.ones_like(z, dtype=complex)
         move, out = np.array(self.move), np.array(self.out)
         driven = 1 + self.new * move.sum(axis=1)
         for where, less_one in np.ndenumerate(np.asarray(z) - 1.0):
-            # (z - 1 - M) x = -M v z, for the distances x - r
+            # The distances from the set point solve (z - 1 - M)(x - r) = -(z - 1)(1 + new M 1) r.
             result[where] -= less_one * (out @ np.linalg.solve(less_one * np.eye(n) - move, driven))
         return result[()]
 
@@ -312,7 +318,7 @@ class Prefilter(NamedTuple):
 
 
 def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilter | None:
-    """Discretise a filter of the set point. Return None for a gain of 1."""
+    """Discretise a filter of the set point. Return None if the filter is only a gain of 1."""
     n = den.size - 1
     if den[-1] == 0 or abs(num[-1] / den[-1] - 1) > UNIT:
         raise ValueError(
@@ -327,7 +333,7 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
     if method == "tustin" and h * fastest > 2.0 * (1 + 1e-9):
         raise ValueError(
             f"sample_time must be at most {2 / fastest:.6g} with method='tustin', found {h:.6g}: the prefilter would "
-            "ring; take method='backward' or sample faster"
+            "ring; take method='backward' or a shorter sample time"
         )
     tau = float((den[0] / den[-1]) ** (1 / n))
     d, out = (_in_powers_of_p(part / part[-1], tau, n) for part in (den, num))
@@ -347,7 +353,7 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
 
 
 def _in_powers_of_p(polynomial: Array, tau: float, n: int) -> Array:
-    """Return coefficients of p^0 to p^n, p = 1 + tau s, of a polynomial of s in descending powers."""
+    """Convert a polynomial in descending powers of s to coefficients of p^0 to p^n, where p = 1 + tau s."""
     result = np.zeros(n + 1)
     for coefficient in polynomial / tau ** np.arange(polynomial.size - 1.0, -1.0, -1.0):
         # Horner's rule multiplies by tau s = p - 1 and adds the next coefficient.

@@ -219,14 +219,14 @@ def _error(named: dict[str, float], compares: bool) -> list[Statement]:
 
 
 def _tracking(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a signal that acted in place of the control signal."""
+    """Return the statements for a signal that has acted on the plant instead of the control signal."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))
     if k.from_signal and _remembers(k):
         inside.append(Set("old", f"track_value{_less_bias(named)} - integral_part"))
     return [
-        Note("the signal that acted since the last sample in place of the control signal"),
+        Note("the signal that has acted on the plant, instead of the control signal, since the last sample"),
         If("tracking", [*inside, Set("control", "track_value")]),
     ]
 
@@ -253,9 +253,10 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
         *_limited(named),
         *_kept(k, named),
     ]
-    begins = f"manual mode, first sample, {'new gains, ' * k.tunable}first sample after a skipped one: keep the signal"
+    more = " or with new gains" * k.tunable
     body: list[Statement] = [
-        Note(begins),
+        Note(f"keep the signal at the first sample, and in manual mode{more}"),
+        Note(f"follow is true after a sample that was skipped in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
         If("not started", [Set("forced", "true")]),

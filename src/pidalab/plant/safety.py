@@ -1,4 +1,7 @@
-"""Make designs that are safe in the loop that will run, with the model and with all plants of its spread."""
+"""Make designs whose real loop is safe, with the model and with every plant of its uncertainty.
+
+The real loop has the sample time and the output filter with which the controller will run.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +20,21 @@ from pidalab.robustness.margins import ms_or_infinite
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_iae
 
-PRICE_LIMIT = 3.0  # price of robustness in IAE that is refused
-# relative distances below and above a limit, for a design that meets or keeps it
-MET, STILL_KEPT = 1e-3, 1e-6
+PRICE_LIMIT = 3.0  # largest accepted price of robustness, as defined at `make_safe`
+MET = 1e-3  # a limit is met if the result is at most this share of the limit below the limit
+STILL_KEPT = 1e-6  # a limit counts as kept if the result exceeds the limit by at most this share
 MOST_CORRECTIONS = 20  # largest number of corrections of the requested Ms
-LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # factors of Ms - 1 in one correction
+LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # least and largest factor of the requested Ms - 1 in one correction
 
-# Returns a design that keeps requirements, found near another one, and the names of its active limits.
+# A function of the requirements and of a design from which the search starts. It returns a design that keeps the
+# requirements, and the names of the active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
 
 class LoopMs(NamedTuple):
-    """Maximum sensitivity of a loop, infinite if unstable.
+    """Maximum sensitivity Ms of a loop, infinite if the loop is unstable.
 
-    `reason` says why it is that of the continuous loop, if the sampled one has none.
+    If the sampled loop has no Ms, `ms` is the Ms of the continuous loop, and `reason` says why.
     """
 
     ms: float
@@ -38,19 +42,19 @@ class LoopMs(NamedTuple):
 
 
 class LoopEvaluator:
-    """Evaluates designs in the loop that will run.
+    """Evaluates designs in the real loop.
 
     Parameters
     ----------
     sample_time : float or None
-        Sample time of backward differences; None for the continuous controller.
+        Sample time of the controller, discretised by backward differences; None for a continuous controller.
     output_filter : control.TransferFunction or None
         Filter in series with the controller.
     """
 
     def __init__(self, sample_time: float | None, output_filter: Any = None) -> None:
         self.sample_time, self.output_filter = sample_time, output_filter
-        # Ms with a design and a plant, computed once for each pair
+        # Ms is computed once for each pair of a design and a plant.
         self.ms = cache(self._ms)
 
     def loop(self, design: Design, plant: Process) -> Loop:
@@ -59,7 +63,7 @@ class LoopEvaluator:
         return Loop(plant, design.controller, filters, design.prefilter)
 
     def _ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms with a plant, or that of the continuous loop with the reason if the sampled one has none."""
+        """Return Ms of the sampled loop or, if it has none, Ms of the continuous loop and the reason."""
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:
@@ -70,14 +74,14 @@ class LoopEvaluator:
         return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
-        """Return the largest Ms over plants, 0 without any, and the alphabetically first reason."""
+        """Return the largest Ms over some plants, 0 if there are none, and the alphabetically first reason."""
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
 
 
 def in_series(first: Any, second: Any) -> Any:
-    """Return the series of two filters; None is no filter."""
+    """Return two filters in series. None stands for no filter."""
     if first is None or second is None:
         return second if first is None else first
     import control
@@ -92,33 +96,34 @@ def correct_request(
     limits: Requirements,
     start: Design | None = None,
 ) -> Design:
-    """Correct the request to the designer until the loop that runs meets the limits, to 0.1 % and from below.
+    """Correct the requested Ms until the real loop meets the limits: at most 0.1 % below, and not above.
 
     Parameters
     ----------
     make : callable
-        Makes a design for requirements.
+        Function that makes a design for some requirements.
     sizes : callable
-        Measures Ms of a design with the model, and the worst Ms over the family.
+        Function that returns, for a design, Ms with the model and the largest Ms over the family.
     limits : Requirements
-        Limits of the loop that runs.
+        Limits of the real loop.
     start : Design, optional
-        Start of the search.
+        Design from which the search starts.
 
     Returns
     -------
     Design
-        If none meets the limits, the last one that keeps them.
+        A design that meets the limits or, if there is none, the last design that keeps the limits.
 
     Raises
     ------
     ValueError
-        If none keeps the limits.
+        If no design keeps the limits.
 
     Notes
     -----
-    A limit that the loop exceeds, or that is active and not met, changes the request: Ms - 1 is scaled by the ratio of
-    limit and result, at most by 2 either way. The iteration ends when the request no longer changes.
+    The request is corrected if the real loop exceeds a limit, or if a limit is active and not met. In a correction the
+    requested Ms - 1 is multiplied by (limit - 1)/(result - 1), but by at least 0.5 and at most 2. The iteration ends
+    when the request no longer changes.
     """
     request, kept, design = limits, None, start
     for _ in range(MOST_CORRECTIONS):
@@ -134,13 +139,13 @@ def correct_request(
     if kept is None:
         raise ValueError(
             f"no controller was found whose loop keeps ms <= {limits.ms:g} and ms_worst <= {limits.ms_worst:g}: the "
-            f"last one has {ms:.3g} and {worst:.3g}"
+            f"last controller has ms = {ms:.3g} and ms_worst = {worst:.3g}"
         )
     return kept
 
 
 def _next(request: float, result: float, limit: float, active: bool) -> float:
-    """Return the next request: the same if the limit is met, or if it is kept and not active."""
+    """Return the next requested Ms. It stays the same if the limit is met, or if the limit is kept and not active."""
     if result <= limit * (1 + STILL_KEPT) and not (active and result < limit * (1 - MET)):
         return request
     factor = (limit * (1 - 0.5 * MET) - 1) / (result - 1)
@@ -161,8 +166,8 @@ def make_safe(
 ) -> tuple[Design, float]:
     """Return a design that is safe with all plants of the family, and its price.
 
-    The price is its IAE over that of the design for the process alone. If there is no such design, or its price is
-    above 3, the error contains the remedy.
+    The price is the IAE of the safe design, divided by the IAE of the design for the process alone. If there is no safe
+    design, or the price is above 3, an error with the remedy is raised.
     """
 
     def sizes(design: Design) -> tuple[float, float]:

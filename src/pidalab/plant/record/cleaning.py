@@ -1,4 +1,4 @@
-"""Clean the columns of a record, name what a sensor made up, and find the steps of the input."""
+"""Clean the columns of a record, find probable errors of the sensor, and find the steps of the input."""
 
 from __future__ import annotations
 
@@ -14,25 +14,32 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
-FEWEST = 20  # samples that a conclusion needs
-LONGEST_WRAP = 10  # median intervals between the last sample before a counter restarts and the next one
-OVERLAP = 3  # median intervals by which the time may go back for samples that are merely out of order
-# values at which counters restart
+FEWEST = 20  # least number of samples from which conclusions are drawn
+# Longest interval between two samples in which a counter restarts, in median intervals.
+LONGEST_WRAP = 10
+# If the time goes back by more than this number of median intervals, a new run begins; otherwise samples are unordered.
+OVERLAP = 3
+# Values at which counters restart.
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-STILL, STILL_SHARE = 15, 0.05  # samples, and their share, for which an output may stand still
-BEFORE, JUST_BEFORE = 10, 3  # samples before that in which it moved
-SLOWED = 0.1  # movement over the last samples, as a share of that over all of them, of an output that comes to rest
-MANY_STEPS, LITTLE = 2.5, 0.005  # least movement, in steps of its rounding and as a share of its span
-# shares of its span by which an input must differ from a clock, and from the output
+# An output may stand still for this number of samples, or for this share of all samples if that is more.
+STILL, STILL_SHARE = 15, 0.05
+# Numbers of intervals over which its movement is measured before an output stands still.
+BEFORE, JUST_BEFORE = 10, 3
+# An output comes to rest by itself if it moves by at most this share of the longer movement in the last intervals.
+SLOWED = 0.1
+# Least movement before an output stands still, in steps of its rounding and as a share of its span.
+MANY_STEPS, LITTLE = 2.5, 0.005
+# Least differences of an input from a straight line over time, and from a linear function of the output, as shares of
+# the input's span.
 STRAIGHT, COPY = 0.01, 1e-4
-DISORDER = 0.05  # share of the samples that may have a time before an earlier one
-LISTED = 4  # samples, or changes of the input, that are listed one by one
+DISORDER = 0.05  # largest share of samples whose time may lie before that of a preceding sample
+LISTED = 4  # largest number of entries of a list in a message; the other entries are counted
 
 Places = NDArray[np.intp]  # indices of samples
 
 
 def column(name: str, value: Any) -> Array:
-    """Return an array of floats, nan for missing values."""
+    """Convert a column to an array of floats, with NaN for missing values."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -46,10 +53,11 @@ def column(name: str, value: Any) -> Array:
 def cleaned(
     t: Array, u: Array, y: Array, where: Sequence[str], ramp: bool, doubts: list[str]
 ) -> tuple[Array, Array, Array, float, Places]:
-    """Leave out missing values, sort by time and average samples of the same time.
+    """Leave out missing values, sort by time, and merge samples of the same time.
 
-    Also return the input before the record and the indices of the samples. The last input of each time is held. The
-    first one of the first time is the input before.
+    Outputs of the same time are averaged, and the last of their inputs is used. The first input of the record counts as
+    the input before the record. Return times, inputs, outputs, the input before the record, and the index of the first
+    sample at each time.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]
     usable = np.all(finite, axis=0)
@@ -74,12 +82,15 @@ def cleaned(
     mean = np.add.reduceat(y[order], first) / count
     held = u[order][first + count - 1]
     if np.ptp(mean) == 0:
-        raise ValueError(f"y never changes: it is {mean[0]:g} in every sample, and tells nothing")
+        raise ValueError(f"y never changes: it is {mean[0]:g} in every sample, so no model can be fitted")
     return times, held, mean, float(u[order][0]), places[order][first]
 
 
 def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
-    """Return times that may be sorted. Continue a counter that restarts, and refuse several runs."""
+    """Return times by which the samples can be sorted.
+
+    If the time is a counter that restarts, it is continued. If the record holds several runs, an error is raised.
+    """
     steps = np.diff(t)
     back = steps < 0
     if not back.any():
@@ -110,7 +121,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first sample of each run of rising times. A run begins well before the end of the last one."""
+    """Return the first sample of each run. A new run begins where the time goes back far between two long runs."""
     edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
     rising = np.diff(t)[np.diff(t) > 0]
     usual = float(np.median(rising)) if rising.size else 0.0
@@ -123,10 +134,10 @@ def run_starts(t: Array) -> list[int]:
 
 
 def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
-    """Refuse an input that is a copy of the output or, unless a ramp was declared, a clock or a counter."""
+    """Raise if the input is a copy of the output, or a clock or counter although no ramp was declared."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
-    remedy = "name the column of the plant's input (--u); without an input a record shows no plant"
+    remedy = "name the column of the plant's input (--u); without the input no model can be fitted"
     order = np.argsort(t, kind="stable")
     moved = np.diff(u[order])
     if not ramp and (np.all(moved > 0) or np.all(moved < 0)):
@@ -135,7 +146,7 @@ def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
             if np.max(np.abs(u[order] - line(axis))) < STRAIGHT * np.ptp(u):
                 raise ValueError(
                     f"u rises or falls evenly with {name} throughout, as a clock or a counter "
-                    f"does: {remedy}. For a ramp give the input before it (--u-before)"
+                    f"does: {remedy}. If u is a ramp, give the input before the ramp (--u-before)"
                 )
     line = np.polynomial.Polynomial.fit(y, u, 1)
     if np.max(np.abs(u - line(y))) < COPY * np.ptp(u):
@@ -143,21 +154,25 @@ def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
 
 
 def far_off(y: Array) -> Places:
-    """Return the samples that differ from their neighbours by more than these scatter and a fifth of the span."""
+    """Return the samples that lie far from the median of their neighbours.
+
+    The distance must be more than 8 times the 95 % quantile of all distances, and more than a fifth of the span of y.
+    """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
         return known[:0]
-    # mirrored at the ends, so that the last sample has neighbours on both sides
+    # The output is mirrored at its ends, so that the first and the last sample have neighbours on both sides.
     away = np.abs(y[known] - median_filter(y[known], 9, mode="mirror"))
     low, high = np.quantile(y[known], [0.02, 0.98])
     return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
 
 
 def standing_still(y: Array) -> list[tuple[int, int]]:
-    """Return first and last sample of each run in which an output that moved stands still to the last digit.
+    """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    A sensor at the end of its range does so, and a logger that has lost its sensor. A plant that comes to rest slows
-    down before, and a rounded output moves by steps of its rounding.
+    The output of a sensor at the end of its range stands still to the last digit, and so does the log of a lost sensor.
+    The output of a plant that comes to rest slows down first. A rounded output also stands still, but between steps of
+    its rounding. Neither is returned.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -171,7 +186,7 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        # Rounding can hide the turn of a slow oscillation, which then moves by single steps every few samples.
+        # At the turn of a slow oscillation a rounded output moves by single steps, with several equal values between.
         crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
         enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
         if way > enough and last > SLOWED * way and not crept:
@@ -180,7 +195,7 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
 
 
 def outlier_note(y: Array, where: Sequence[str]) -> str:
-    """Name outputs that a sensor may have made up; empty if there are none."""
+    """List outputs that are probably errors of the sensor. Return an empty text if there are none."""
     notes = []
     if (wild := far_off(y)).size:
         notes.append(f"far from its neighbours: {_first_few([f'{where[k]} (y = {y[k]:.6g})' for k in wild])}")
@@ -194,7 +209,7 @@ def outlier_note(y: Array, where: Sequence[str]) -> str:
 
 
 def drop_outliers(y: Array, where: Sequence[str]) -> list[str]:
-    """Replace outputs that a sensor may have made up by nan, and return the doubt that names them."""
+    """Replace outputs that are probably errors of the sensor by NaN. Return a list with the doubt that names them."""
     note, still = outlier_note(y, where), standing_still(y)
     y[far_off(y)] = np.nan
     for first, last in still:
@@ -208,10 +223,10 @@ def _first_few(entries: Sequence[str]) -> str:
     return ", ".join(entries[:LISTED]) + further
 
 
-CREEP = 0.1  # share of the input's span by which a level may move
-SHORTEST_LEVEL = 4  # least samples of a level of the input
-MANY = 12  # levels of the input, in steps of a hundredth of its span
-FOLLOWS = 0.98  # share of the movement of an input that the output explains if the input follows it
+CREEP = 0.1  # largest movement of the input within one level, as a share of the span of the input
+SHORTEST_LEVEL = 4  # least number of samples in a level of the input
+MANY = 12  # an input with this number of levels or more, rounded to a hundredth of its span, has no separate steps
+FOLLOWS = 0.98  # an input follows the output if the output explains a larger share of its variance
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
@@ -223,9 +238,9 @@ class Step(NamedTuple):
     Attributes
     ----------
     time : float
-        When, in the record's own time.
+        Time of the change, on the time axis of the record.
     before, after : float
-        The levels, in the unit of u.
+        Levels of the input before and after the change, in the unit of u.
     """
 
     time: float
@@ -234,13 +249,13 @@ class Step(NamedTuple):
 
 
 def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
-    """Find changes of the input between lasting levels. A ramp over a few samples is one change, at its middle."""
-    # the input before the record counts as a level
+    """Find the changes of the input between lasting levels. A ramp of a few samples is one change at its middle."""
+    # The input before the record counts as a level.
     t, u = np.append(np.full(SHORTEST_LEVEL, t[0]), t), np.append(np.full(SHORTEST_LEVEL, before), u)
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [  # samples a to b are one level, unless the input creeps away from it
+    runs = [  # samples a to b are one level, unless the input moves slowly by more than `CREEP`
         (a, b)
         for a, b in edges.reshape(-1, 2)
         if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
@@ -252,7 +267,7 @@ def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     steps = []
     for (_, left), (right, _), low, high in zip(runs, runs[1:], levels, levels[1:], strict=False):
         if abs(high - low) > 0.05 * span:
-            # a jump between two samples happens at the later one, from which the new value is held
+            # The input is held from each sample to the next, so a jump happens at the sample with the new value.
             crossed = left + int(np.argmax(np.abs(u[left : right + 1] - low) >= 0.5 * np.abs(high - low)))
             steps.append(Step(float(t[crossed]), low, high))
     return tuple(steps)
@@ -277,8 +292,8 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     peak = int(np.argmax(power))
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
-    # a controller at a constant set point makes the input of the output and its integral; if the input is the cause,
-    # a later output explains it better
+    # With a constant set point, a controller computes the input from the present output and its integral. If the input
+    # is the cause, the later outputs explain it better than the present ones.
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
     scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
 
