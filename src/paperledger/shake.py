@@ -57,7 +57,7 @@ PRINTED = 1e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
 Runs = Mapping[str, "Run"]  # keys: paths of pages
-Handed = dict[str, tuple[Row, int]]  # keys: ids of rows; values: the row, and the cell that passed it to the ledger
+Handed = dict[str, tuple[Row, int]]  # keys: ids of rows; values: the row, and the number of its cell
 
 
 @dataclass
@@ -187,7 +187,7 @@ class Shaker:
     def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Wrap a function, so that its result is changed if it is the outermost call. `call` may replace the body."""
+        """Wrap a function, or `call` in its place, so that the result of an outermost call is changed."""
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
         exact = self.kept_exact(work)
 
@@ -219,7 +219,7 @@ class Shaker:
         for info in walk_packages(getattr(package, "__path__", ()), f"{self.package}."):
             if not info.name.endswith(".__main__"):
                 import_module(info.name)
-        wrapped: dict[int, Any] = {}  # keys: ids of the originals, since several modules may import the same one
+        wrapped: dict[int, Any] = {}  # keys: ids of the originals
         for module in [m for name, m in sys.modules.items() if name.partition(".")[0] == self.package]:
             for name, value in [*vars(module).items()]:
                 home = getattr(value, "__module__", None) or ""

@@ -131,8 +131,8 @@ def discretise(
     Traceback (most recent call last):
     ...
     ValueError: sample_time must be at most 0.05 with method='zoh', found 1: the filter of the derivative part has the
-    time constant 0.05, and a derivative behind it would have forgotten each step at the next sample; take
-    method='backward', sample faster or filter longer
+    time constant 0.05, and the effect of a step on a filtered derivative would have decayed before the next sample;
+    take method='backward', a shorter sample time or a longer time constant
     """
     if not isinstance(parts, tuple) or not all(isinstance(part, FilteredGains) for part in parts):
         raise TypeError(f"parts must be those of controller.parts(), found {parts!r}")

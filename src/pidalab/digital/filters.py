@@ -257,8 +257,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     to_states[..., 0, 0] = 1.0
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
-        # The diagonal holds the differences to the pole of lag i, which expm1 computes without cancellation. They are not
-        # negative if the faster lags come first.
+        # The diagonal holds the differences to the pole of lag i, which expm1 computes without cancellation. If the
+        # faster lags come first, they are not negative.
         slower = np.tril(transition[..., 1:, 1:], -1)
         slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
         column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]

@@ -1,10 +1,11 @@
 r"""Refinement of an optimum until its optimality conditions hold.
 
-A descent stops when its tolerance is met, and in a flat valley rounding decides where that is. Newton's method
-continues from there. Limits that are reached become equations, each at the frequency of its peak, and the Lagrangian
-becomes stationary. Second derivatives are differences of exact first ones. Each step is a quadratic programme, in which
-limits become active or inactive by their multipliers (Nocedal and Wright, Numerical Optimization, 2006, ch. 18). It is
-solved as a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
+A descent stops when its tolerance is met. In a flat valley, rounding decides where that happens. Newton's method
+continues from this point until the optimality conditions hold: the Lagrangian is stationary, and each active limit is
+an equation at the frequency of its peak. Second derivatives are differences of exact first derivatives. Each step
+solves a quadratic programme, in which the multipliers decide which limits are active (Nocedal and Wright, Numerical
+Optimization, 2006, ch. 18). The quadratic programme is solved as a least-distance programme (Lawson and Hanson, Solving
+Least Squares Problems, 1974, ch. 23).
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
-MAX_FINISHES = 12  # rounds, each with the worst frequencies of the round before
-VALLEY_GAP = 1e-2  # least relative difference of the values of two local optima
-UNPOLISHED = 1e-2  # error of an end whose optimality conditions were not reached
-ALIKE = 0.01  # largest difference of two ends at the same local optimum
-BACK = 0.97  # factor that reduces all gains a little
-WORST_PLANTS = 2  # number of plants of the family that are added at a time
-# factor of the gains, largest number of steps, and allowed violation afterwards
+MAX_FINISHES = 12  # largest number of rounds; each round adds the worst frequencies of the preceding round
+VALLEY_GAP = 1e-2  # an optimum is dropped if it is worse than a known optimum by more than this share
+UNPOLISHED = 1e-2  # estimated error of an optimum that was not refined by Newton's method
+ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by less than this share
+BACK = 0.97  # factor of the gains before a diverged descent is repeated
+WORST_PLANTS = 2  # largest number of plants of the family that are added at a time
+# Reduction of gains with a family of plants: factor of each step, largest number of steps, violation at which it ends.
 SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
-# functions that return the supremum of each quantity that may be limited, and its frequency
+# For each quantity that can be limited, a function that returns its supremum over frequency, and the frequency.
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "ms": max_sensitivity,
     "mks": max_control_sensitivity,
@@ -39,16 +40,18 @@ SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
 ROOM = 1e-9  # relative allowance for rounding at a limit
-NEAR_LIMIT = 0.05  # relative distance to its limit below which a peak becomes a condition
-FREQUENCY_STEP, PEAK_STEPS = 1e-5, 8  # relative step for the curvature of a peak; Newton steps to its top
-SPACING, LEAST_SPACING = 1e-4, 1e-6  # distance of points for second derivatives, in scaled variables
-# largest number of Newton steps; size of the last step, and largest accepted last step
+NEAR_LIMIT = 0.05  # a peak becomes a condition if it is less than this share below its limit
+FREQUENCY_STEP = 1e-5  # relative step in frequency for the curvature of a peak
+PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
+SPACING, LEAST_SPACING = 1e-4, 1e-6  # largest and least distance of points for second derivatives, scaled
+# The iteration ends after this number of Newton steps, or after a step shorter than `LAST_STEP`. Its result is accepted
+# if the last step is shorter than `LARGEST_LAST_STEP`.
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
-SMALL_STEP = 1e-3  # after a smaller step second derivatives are kept
-# trust region: longest step, step near the end, shortest step
+SMALL_STEP = 1e-3  # after a smaller step, second derivatives are kept if the steps shrink quickly
+# Trust region: its largest radius, the longest step that is near the end, the smallest radius.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least unit of a gain
-NOMINAL = len(PEAKS)  # kinds below are peaks of the process itself, kinds from here on those of other plants
+NOMINAL = len(PEAKS)  # smaller kinds are peaks of the process itself, the others are peaks of other plants
 
 
 class Polished(NamedTuple):
@@ -63,8 +66,8 @@ class Polished(NamedTuple):
 class Peaks:
     """Heights of peaks of the process and of |S| with other plants, as smooth functions of the unknowns.
 
-    The kinds of peaks are numbers: first those of `PEAKS`, of which not all are limited, then one for |S| with each
-    other plant.
+    The kinds of peaks are numbers. The first numbers are the places in `PEAKS`, of which not all are limited. Then each
+    other plant has one number, for the peaks of its |S|.
     """
 
     def __init__(self, search: Search) -> None:
@@ -83,7 +86,7 @@ class Peaks:
         self.others_at_grid = np.array([plant(s) for plant in others]).reshape(-1, s.size)
 
     def log_heights(self, x: Array) -> Array:
-        """Return the logarithms of all heights over their limits at the frequencies of the grid."""
+        """Return the logarithms of all heights, divided by their limits, at the frequencies of the grid."""
         s, plant, actions = self.at_grid
         controller = self.problem._controller(x, s, actions)[0]
         L = plant * controller
@@ -95,7 +98,7 @@ class Peaks:
         return np.vstack([heights, others])
 
     def _plant(self, s: Any, kinds: Array) -> tuple[Any, Any]:
-        """Return the plant of each peak, and s P'/P."""
+        """Return P(s) and s P'(s)/P(s) of the plant of each peak."""
         value, turn = np.empty(s.size, dtype=complex), np.empty(s.size, dtype=complex)
         owner = np.where(kinds < NOMINAL, 0, kinds)
         for kind in np.unique(owner):
@@ -109,19 +112,19 @@ class Peaks:
         return value, turn
 
     def near(self, x: Array) -> tuple[Any, Array]:
-        """Return kinds and frequencies of the peaks near their limits."""
+        """Return the kinds of the peaks near their limits, and their frequencies on the grid."""
         heights = self.log_heights(x)
         inner = heights[:, 1:-1]
         kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR_LIMIT))
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the second derivatives of log heights by log frequency, at peaks."""
+        """Return the second derivative of the log height of each peak by log frequency."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
     def refine(self, x: Array, kinds: Array, w: Array, bend: Array) -> Array:
-        """Return the frequencies of peaks, by Newton's method on the slope from the nearest grid points."""
+        """Refine the frequencies of peaks by Newton's method on the slope."""
         log = np.log(w)
         for _ in range(PEAK_STEPS):
             move = np.clip(-self._slope(x, kinds, np.exp(log)) / bend, -0.02, 0.02)
@@ -131,7 +134,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the slope of the log height by log frequency."""
+        """Return the derivative of the log height by log frequency, for each peak."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
@@ -143,7 +146,7 @@ class Peaks:
         return np.asarray(np.real(a * by_controller + b * by_plant))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
-        """Return the heights of peaks, and their slopes by the unknowns."""
+        """Return the logarithms of heights over limits and their derivatives by the unknowns."""
         s = 1j * w
         controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
         L = self._plant(s, kinds)[0] * controller
@@ -153,7 +156,7 @@ class Peaks:
 
 
 def _parts(kinds: Array, controller: Array, L: Array) -> Any:
-    """Return the numerators over 1 + L and both weights of peaks. With other plants these are of |S|."""
+    """Return for each peak the numerator of its height over 1 + L, and both weights. Other plants have peaks of |S|."""
     kind_of_each = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
     each = zip(kind_of_each, controller.tolist(), L.tolist(), strict=True)
     values = [(numerator(kind, c, l), *weights(kind, l)) for kind, c, l in each]
@@ -161,7 +164,7 @@ def _parts(kinds: Array, controller: Array, L: Array) -> Any:
 
 
 class Lagrangian:
-    """IAE and limits in scaled variables, around a point."""
+    """IAE and limits as functions of scaled variables, for a search near one point."""
 
     def __init__(self, search: Search, x: Array) -> None:
         problem, self.search = search.problem, search
@@ -175,17 +178,17 @@ class Lagrangian:
         self.most = math.log((search.limits.noise_gain or 1.0) * (1 - ROOM))
 
     def end(self, z: Array) -> Array:
-        """Undo the scaling, within the bounds."""
+        """Convert scaled variables to unknowns within their bounds."""
         return np.clip(self.scaled.back(z), *np.transpose(self.search.bounds))
 
     def value(self, z: Array) -> tuple[float, Any]:
-        """Return the logarithm of the IAE, and the function of its slope."""
+        """Return the logarithm of the IAE, and a function that returns its gradient."""
         x = self.scaled.back(z)
         value, slope = self.search.fine(x)
         return math.log(value), lambda: self.scaled.slopes(x, slope() / value)
 
     def margins(self, z: Array, kinds: Array, w: Array, noise: Any) -> tuple[Array, Array]:
-        """Return the slack of the limits of peaks and noise, and its slopes."""
+        """Return the slack of each limit on peaks and noise, and the gradients of the slacks."""
         x = self.scaled.back(z)
         heights, slopes = self.peaks.rows(x, kinds, w)
         slack, by_x = -heights, -slopes
@@ -196,13 +199,13 @@ class Lagrangian:
         return slack, self.scaled.slopes(x, by_x)
 
     def refined_peaks(self, z: Array) -> tuple[Array, Array]:
-        """Return kinds and exact frequencies of the peaks near their limits."""
+        """Return the kinds of the peaks near their limits, and their exact frequencies."""
         x = self.scaled.back(z)
         kinds, w = self.peaks.near(x)
         return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def violation(self, z: Array) -> tuple[float, float]:
-        """Return the value and the sum of all violations, infinite if the loop is unstable."""
+        """Return the value and the sum of all violations. Both are infinite if the loop is unstable."""
         x = self.scaled.back(z)
         if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
             return math.inf, math.inf
@@ -210,7 +213,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian, with peaks at their exact frequencies."""
+        """Return the second derivatives of the Lagrangian. The frequencies of the peaks follow the variables."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -230,13 +233,14 @@ def polish(search: Search, x: Array) -> Polished | None:
 
     Notes
     -----
-    The state is the point z in the scaled variables of a descent, its value, and the sum of the violations of its
-    limits. Each step solves the quadratic programme of sequential quadratic programming (Nocedal and Wright,
-    Numerical Optimization, 2006, ch. 18), within a trust region. Far from the end a step is accepted only if it lowers
-    the value plus the penalty times the violations, where the penalty is at least twice the largest multiplier. Near
-    the end a step is accepted if it is less than half as long as the one before, so the steps shrink until one is below
-    `LAST_STEP`. Second derivatives are updated while the steps are long (`stale`). They come from the coarse response
-    at first, and from the fine one as soon as a step shrinks by less than a factor of three.
+    The state is the point z in the scaled variables of a descent, the value at z, and the sum of all violations of
+    limits at z. Each step solves the quadratic programme of sequential quadratic programming (Nocedal and Wright,
+    Numerical Optimization, 2006, ch. 18) within a trust region. Far from the end, a step is accepted only if it does
+    not raise the sum of the value and the penalty times the violations. The penalty is at least twice the largest
+    multiplier. Near the end, a step is accepted if it is less than half as long as the preceding step, so that the
+    steps shrink until one is shorter than `LAST_STEP`. Second derivatives are computed again (`stale`) after a long
+    step, and after a step longer than a tenth of the preceding one. They are first computed from the coarse response.
+    After a step longer than 0.3 times the preceding one they are computed from the fine response.
     """
     lagrangian = Lagrangian(search, x)
     z = np.clip(lagrangian.scaled(x), lagrangian.low, lagrangian.high)
@@ -264,11 +268,11 @@ def polish(search: Search, x: Array) -> Polished | None:
             length = float(np.max(np.abs(step)))
             penalty = max(penalty, 2 * float(np.max(multipliers[:limits], initial=0.0)))
             there, by = lagrangian.violation(z + step)
-            # A full step may violate curved limits a little, so near the end the length of the step decides.
+            # A full step may violate a curved limit a little. So near the end only the length of the step counts.
             is_near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
             if is_near or there + penalty * by <= value + penalty * violation:
                 break
-            # The trust region shrinks even if the step exceeds it by rounding.
+            # The trust region must shrink even if rounding makes the step longer than its radius.
             trust = 0.3 * min(trust, length)
             if trust < LEAST_TRUST:
                 return None
@@ -286,11 +290,11 @@ def polish(search: Search, x: Array) -> Polished | None:
 # --- quadratic programmes ---------------------------------------------------------------------------------------------
 
 
-FLATTEST = 1e-9  # least curvature of any direction
+FLATTEST = 1e-9  # least curvature in any direction
 
 
 def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
-    """Return the non-negative multipliers of the active limits that fit the slope best."""
+    """Return the non-negative multipliers of the active limits that fit the gradient best (least squares)."""
     from scipy.optimize import nnls
 
     multipliers = np.zeros(slack.size)
@@ -301,7 +305,11 @@ def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
 
 
 def convex(hessian: Array, reached: Array) -> Array:
-    """Make second derivatives positive definite, with the least change along the active limits."""
+    """Make a matrix of second derivatives positive definite.
+
+    In the directions along the active limits, curvatures are replaced by their absolute values. In the other
+    directions, curvature is added until the whole matrix is positive definite.
+    """
     if reached.size:
         _, sizes, turned = np.linalg.svd(reached)
         free = turned[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
@@ -325,7 +333,7 @@ def solve_qp(
 ) -> tuple[Array, Array] | None:
     """Return the step that minimises a quadratic function within limits and trust, and the multipliers of the limits.
 
-    It is solved as a least-distance programme [LaH95]_.
+    The problem is solved as a least-distance programme [LaH95]_.
     """
     from scipy.optimize import nnls
 
@@ -334,7 +342,7 @@ def solve_qp(
     slack = np.concatenate([slack, np.full(2 * size, trust)])
     root = np.linalg.cholesky(hessian)  # hessian = root root^T
     best = np.asarray(-np.linalg.solve(hessian, slope), dtype=float)
-    turned = np.linalg.solve(root, rows.T)  # columns are limits in the metric of the function
+    turned = np.linalg.solve(root, rows.T)  # each column is a limit, in coordinates in which the hessian is 1
     wanted = -slack - rows @ best
     if np.all(wanted <= 0):
         return best, np.zeros(slack.size - 2 * size)
@@ -356,14 +364,15 @@ def solve_qp(
 def finish(
     search: Search, x: Array, known: Sequence[Polished] = (), last_steps: bool = True
 ) -> Polished | None:
-    """Refine and verify an optimum: descend, polish if requested, and add frequencies until the limits hold at all.
+    """Refine and verify an optimum.
 
-    Return None if that fails, or if the end is known already or worse.
+    Descend, polish if requested, and add frequencies until the limits hold at all frequencies. Return None if this
+    fails, or if the optimum is already known or is clearly worse than a known optimum.
     """
     for _ in range(MAX_FINISHES):
         value, unknowns, violation = search.descend(x, effort=FINE)
         if violation > NEARLY or not search.sound(unknowns):
-            # The descent diverged, so it is repeated with smaller gains.
+            # The descent diverged, so repeat it with smaller gains.
             x = np.append(BACK * x[: search.problem.gains], x[-1])
             continue
         if any(
@@ -374,7 +383,7 @@ def finish(
         x, end = unknowns, polish(search, unknowns) if last_steps else None
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
-        for peak in end.w:  # These frequencies serve the following descents.
+        for peak in end.w:  # The following descents use these frequencies.
             search.look_at(peak, nearly=True)
         if search.sound(end.x) and _keeps(search, end.x, search.true_noise(end.x)):
             if _safe(search, end.x):
@@ -384,7 +393,7 @@ def finish(
 
 
 def _safe(search: Search, x: Array) -> bool:
-    """Return True if all plants of the family keep their limit. Otherwise add the worst two to the descents."""
+    """Return True if all plants of the family keep `ms_worst`. Otherwise add the worst two to the next descents."""
     loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)
@@ -398,7 +407,7 @@ def _safe(search: Search, x: Array) -> bool:
 
 
 def _shrunk(search: Search, x: Array) -> Array:
-    """Reduce gains until the loops with the active plants of the family are stable and near their limits."""
+    """Reduce the gains until the loop is stable with all active plants of the family, and the violation is small."""
     x, gains = x.copy(), search.problem.gains
     for _ in range(SHRINKS):
         loops = (Loop(search.family[k], search.loop(x).controller) for k in search.active)
@@ -410,7 +419,7 @@ def _shrunk(search: Search, x: Array) -> Array:
 
 
 def _keeps(search: Search, x: Array, noise: float) -> bool:
-    """Return True if all limits hold. Otherwise add the frequencies where they do not."""
+    """Return True if all limits hold. Otherwise add the frequencies at which a limit does not hold."""
     loop, kept = search.loop(x), True
     for name, most in search.limits.peaks(0.0).items():
         height, frequency = SUPREMA[name](loop)

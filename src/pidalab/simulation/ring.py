@@ -1,19 +1,20 @@
 r"""Exponentials of the block Toeplitz matrix of a loop with dead time (see `pidalab.simulation.exact`).
 
-An element of the ring is an array (order, reach times order) that holds the transposed coefficients :math:`\Phi_k^T` of
-the powers of z side by side. States are rows, and elements act on them from the right. All elements are power series of
-one matrix, so they commute. The reach of an element is the number of its coefficients, which is the number of ages of
-states that it reads.
+An element of the ring is a power series in z whose coefficients are matrices :math:`\Phi_k`. It is stored as an array
+of shape (order, reach times order), which holds the transposed coefficients :math:`\Phi_k^T` side by side. States are
+rows, and are multiplied by elements from the right. All elements commute, because all are power series of one matrix.
+The reach of an element is the number of its coefficients. It is also the number of ages of states that the element
+reads.
 
 Notes
 -----
-Elements represent exponentials less 1, so that a slow state keeps its digits next to a fast one:
-:math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients below `DROPPED` of the largest are dropped only at the end of an
-element. Scaling and squaring follows Higham, *Functions of Matrices*, 2008, ch. 10, with a Taylor series for a norm of
-at most 1/2.
+Elements represent exponentials less 1, so that a slow state keeps its digits next to a fast state. Their product is
+:math:`(1 + a)(1 + b) - 1 = a + b + a b`. The last coefficients of an element are dropped if they are below `DROPPED`
+times its largest coefficient. Scaling and squaring follows Higham, *Functions of Matrices*, 2008, ch. 10, with a Taylor
+series for a norm of at most 1/2.
 
-To be the same on every processor, sums are added term by term in a fixed order, without library calls and without
-several accumulators.
+All sums are added term by term in a fixed order, without library calls and with one accumulator, so that the results
+are the same on every processor.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# The last coefficients of an element are dropped if they are below this share of its largest. With 1e-20 a kick of
-# 1e22, whose coefficients share an element with those of the plant, made an error of 4e-9 in y.
+# The last coefficients of an element are dropped if they are below this share of its largest coefficient. The share is
+# so small because the coefficients of a kick share an element with those of the plant. With 1e-20, a kick of 1e22
+# caused an error of 4e-9 in y.
 DROPPED = 1e-26
-TAYLOR_TERMS = 14  # for a norm of at most 1/2 the next term is 1e-17 of the first
+TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 times the first
 
 
 def _add_row_by_row(out, factors, rows, first, column):
@@ -36,16 +38,16 @@ def _add_row_by_row(out, factors, rows, first, column):
 
 @plain(_add_row_by_row)
 def add_rows(out, factors, rows, first, column):
-    """Add factors @ rows[first:, column:] to a row, over its length.
+    """Add factors @ rows[first:, column:] to a row, for all elements of the row.
 
-    Four rows are added in one pass, left to right. The sums equal those row by row, with a quarter of the memory
-    traffic.
+    Each pass adds four rows, left to right. The sums are the same as if row after row were added, but with a quarter of
+    the memory traffic.
     """
     size, fours = out.size, factors.size - factors.size % 4
     for i in range(0, fours, 4):
         p, q, r, s = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
         k = first + i
-        # Views begin at index 0, since the sign of an offset in the index would be tested at each number.
+        # Views begin at index 0. With an offset, compiled code would test the sign of each index.
         a, b, c, d = rows[k, column:], rows[k + 1, column:], rows[k + 2, column:], rows[k + 3, column:]
         for j in range(size):
             out[j] = out[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
@@ -66,10 +68,10 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 
 @plain(_add_product_row_by_row)
 def add_product(out, place, factors, column, count, rows, first):
-    """Add factors @ rows to some columns of an array, by the sums of `add_rows` for two rows of factors at a time.
+    """Add factors @ rows to some columns of an array.
 
-    `place` holds the first column of the array and the number of columns, `column` and `count` select columns of the
-    factors, and `first` is the first row.
+    `place` holds the first of these columns and their number. `column` and `count` select columns of the factors, and
+    `first` is the first of the rows. Sums are formed as in `add_rows`, for two rows of factors at a time.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -99,7 +101,7 @@ def _column_sizes_of_array(block):
 
 @plain(_column_sizes_of_array)
 def column_sizes(block):
-    """Return the largest modulus in each column. Row by row it compiles to vector instructions."""
+    """Return the largest modulus in each column. The loop over rows compiles to vector instructions."""
     result = np.zeros(block.shape[1])
     for i in range(block.shape[0]):
         row = block[i]
@@ -130,14 +132,14 @@ def largest(values):
 
 @compiled
 def add(out, element):
-    """Add a ring element to another, up to the length of that one."""
+    """Add a ring element to `out`. Coefficients beyond the length of `out` are ignored."""
     wide = min(out.shape[1], element.shape[1])
     out[:, :wide] += element[:, :wide]
 
 
 @compiled
 def shortened(element, share):
-    """Drop the last coefficients of a ring element that are below a share of its largest."""
+    """Drop the last coefficients of a ring element, as long as they are at most a share of its largest."""
     order, width = element.shape
     size = sizes(element)
     least = share * largest(size)
@@ -152,13 +154,13 @@ def shortened(element, share):
 
 @compiled
 def taylor(tau, most, A, B, Cv, D):
-    """Return the exponential less 1 by its power series, over a time up to that of the lowest power.
+    """Return the exponential less 1 by its power series. The time must be at most that of the lowest power.
 
     Notes
     -----
     `term` is (tau A(z))^n / n! and `total` the sum of all terms so far, less 1. The next term is the product with
-    A(z) = A + B z (1 - D z)^-1 Cv. `v` is the delayed signal of the age before, and D feeds a part of it back into the
-    dead time. So each term reaches one age further than the one before, or as far as allowed if D is not 0.
+    A(z) = A + B z (1 - D z)^-1 Cv. Each term reaches one age further than the preceding term. If D is not 0, each term
+    reaches as many ages as allowed, because D feeds a part of the delayed signal `v` back into the dead time.
     """
     order, channels = B.shape
     term = np.eye(order)  # transposed in this function, so that zeros of A can be skipped
@@ -171,7 +173,7 @@ def taylor(tau, most, A, B, Cv, D):
             for j in range(order):
                 if A[i, j] != 0.0:
                     add_rows(after[i, : term.shape[1]], share * A[i, j : j + 1], term, j, 0)
-        # `v` holds the delayed signals that the next older states cause.
+        # `v` holds the delayed signals that come from the next older states.
         v, older = np.zeros((channels, order)), np.zeros((channels, order))
         for at in range(0, after.shape[1], order):
             for i in range(order):
@@ -201,10 +203,10 @@ def taylor(tau, most, A, B, Cv, D):
 
 @compiled
 def _width(first, second, most):
-    """Bound the columns of a product before it is formed. Columns beyond them would be dropped.
+    """Return a number of columns for a product, before the product is formed. All further columns would be dropped.
 
-    No number of a coefficient is larger than the order times the largest numbers of both factors, and the first
-    coefficient, which is computed here, is not above the largest one.
+    No number in a product of coefficients exceeds the order times the largest number of both factors. The share is
+    taken of the first coefficient of the product, which is computed here and is at most the largest coefficient.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
@@ -230,7 +232,7 @@ def _width(first, second, most):
 
 @compiled
 def product(first, second, most):
-    """Return (1 + first) (1 + second) - 1 for two elements."""
+    """Return (1 + first)(1 + second) - 1 for two elements."""
     order, width = first.shape[0], _width(first, second, most)
     out = np.zeros((order, width))
     add(out, first)
@@ -243,14 +245,15 @@ def product(first, second, most):
 
 @compiled
 def ladder(A, B, Cv, D, norm, step, top, most):
-    """Return the powers, exponentials less 1 over step 2^p up to p = top, and the lowest p.
+    """Return the powers, which are exponentials less 1 over step * 2^p up to p = top, and the lowest p.
 
-    There are no powers if they overflow.
+    The list of powers is empty if they would overflow.
 
     Notes
     -----
-    The lowest p is the largest at which norm step 2^p is at most 1/2, so that the series converges fast. Each further
-    power is the square of the one before, so that `powers[i]` always spans step 2^(low + i).
+    The lowest p is at most 0 and at most `top`, and so small that norm * step * 2^p is at most 1/2 and the series
+    converges fast. Each further power is the square of the preceding power. So `powers[i]` always spans
+    step * 2^(low + i).
     """
     powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
@@ -270,15 +273,15 @@ def transition(powers, step, low, tau, most, A, B, Cv, D):
 
     Notes
     -----
-    Each power p is used `times[p]` times, and `tau` is the time that remains. Their sum is always the given time. The
-    longest power is subtracted first. The series spans the remainder, which is shorter than the lowest power. A
-    remainder of the size of rounding counts as 0.
+    Power p is used `times[p]` times, and `tau` is the time that remains. The time that these powers span plus `tau` is
+    always the given time. The longest power is used first. The series spans the last remainder, which is shorter than
+    the lowest power. A remainder of the size of rounding counts as 0.
     """
     dust = 8.0 * 2.0**-52 * tau  # rounding of a multiple of the step
     times = np.zeros(len(powers), dtype=np.int64)
     for p in range(len(powers) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
-        if duration <= dust:  # shorter powers would only subtract rounding errors
+        if duration <= dust:  # powers as short as this are below rounding
             break
         while tau > duration - dust:
             times[p] += 1
