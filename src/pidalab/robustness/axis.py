@@ -1,9 +1,9 @@
 """A loop along the frequency axis: grid, crossovers and peaks, for loops in s and in z.
 
-The grid is logarithmic and denser around lightly damped roots. The magnitude of L is smooth on it, but the phase of the
-dead time turns without bound. So steps are divided further only where the dead time turns the phase quickly *and* L, or
-the peak that is sought, is large enough. Between grid points all crossovers, or all peaks, are refined at once, in
-array operations.
+The grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid points, but
+the dead time turns the phase without bound. So a grid step is divided further only if two things hold: the dead time
+turns the phase quickly within the step, *and* L is large enough there, or the upper bound of a sought peak is high
+enough. Array operations then refine all crossovers, or all peaks, at once.
 """
 
 from __future__ import annotations
@@ -19,29 +19,31 @@ import numpy as np
 
 from pidalab._check import Array
 
-PER_DECADE = 120  # number of grid points
-MOST_POINTS = 2_000_000  # more would exhaust the memory
-# Largest turn of the dead time's phase between two points, in rad. The latter is for crossovers.
+PER_DECADE = 120  # number of grid points per decade
+MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memory
+# Largest angle in rad by which the dead time turns the phase between two points: for peaks, and for phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
-# L may cross the negative axis if the cosine of its angle is below this value.
+# L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
 NEAR_POSITIVE_AXIS = 0.5
-ROUNDING = 1e-12  # largest relative imaginary part, and largest logarithm of |L|, that count as rounding
-TOUCHING = 0.1  # log |L| may cross 0 between two points near an extremum below this value
-DETOUR = 1.5  # largest ratio of the path of L between two points to the straight line
+ROUNDING = 1e-12  # a smaller relative imaginary part, logarithm of |L| or relative difference counts as 0
+TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its distance from 0 is less than this value
+DETOUR = 1.5  # assumed largest ratio of the path of L between two points to their distance
 NO_HIGHER = 1e-11  # relative amount by which a peak must exceed the best one to be refined
-TINIEST = 1e-300  # smallest |L| that counts as other than 0
-HUGE = 1e9  # at a larger |L| a jump of the phase is due to a pole on the axis
-MOST_STEPS = 60  # steps of a refinement, each of which at least halves a bracket
-# share of its first bracket by which the last step to a crossover moves: its square is rounding
+TINIEST = 1e-300  # a smaller |L| counts as 0
+HUGE = 1e9  # where |L| is larger, a jump of the phase is due to a pole on the axis
+MOST_STEPS = 60  # largest number of steps of a refinement
+# A crossover is found when a step is shorter than this share of the first bracket. The error is then about the square
+# of the share, which is below rounding.
 SAME_CROSSING = 1e-8
-# The last step to a peak, and the distance of points for differences, as shares of the first bracket.
+# A peak is found when a step is shorter than the first share of the first bracket. The second share is the distance of
+# points for differences.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
-PIECE = 64.0  # number of points that are skipped, or followed, together
-FOLLOWED_TOGETHER = 60  # number of grid steps that are divided at once, the most promising first
-QUICK = 12.0  # the dead time turns the phase within a grid step where it turns it by more than this, in rad
-MOST_PROBED = 20  # number of gain crossovers around which a peak is sought first
+PIECE = 64.0  # number of points in a piece of a long step, which is skipped or followed as a whole
+FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
+QUICK = 12.0  # where w times dead time is larger, in rad, the dead time turns the phase noticeably within a grid step
+MOST_PROBED = 20  # largest number of gain crossovers around which a peak is sought first
 TO_AN_END = 1e-7  # relative amount by which a peak must exceed the limit at an end of the axis
-# The characteristic function has a zero on the contour if it is below this share of its terms.
+# The characteristic function counts as 0 on the contour if it is below this share of its terms.
 ON_CONTOUR = 1e-9
 SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: |S|, |T|, half of |S - T|
 # Distances of grid points from a lightly damped root, in units of its damping.
@@ -49,7 +51,7 @@ NEAR_ROOT = np.outer([-1.0, 1.0], np.logspace(-2.0, 3.0, 40)).ravel()
 
 
 class TooManyTurns(ArithmeticError):
-    """Raised if the dead time turns the phase too often to be followed point by point."""
+    """Raised if the dead time turns the phase so often that the grid would have too many points."""
 
 
 class Samples(NamedTuple):
@@ -61,7 +63,7 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a grid: all decades with roots, four more on both sides, and points near lightly damped roots."""
+    """Return a grid from four decades below the slowest root to four above the fastest, denser near light damping."""
     speeds = [speed for speed in np.abs(roots).tolist() if speed > 0] + ([1 / delay] if delay else [])
     low, high = min(speeds, default=1.0), max(speeds, default=1.0)
     low, high = 1e-4 * min(low, end), min(1e4 * high, end)
@@ -77,13 +79,13 @@ def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
 
 
 def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Array:
-    """Divide some steps between frequencies until the dead time turns the phase by at most `turn`."""
+    """Divide some steps between frequencies until the dead time turns the phase in each by at most `turn`."""
     parts = np.where(steps, np.maximum(np.ceil(np.diff(w) * delay / turn), 1.0), 1.0)
     points = float(parts.sum())
     if not points <= MOST_POINTS:
         raise TooManyTurns(
-            f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times where it matters: too often to "
-            "follow; is the loop far from stable, or the sample much shorter than the dead time?"
+            f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times where it matters, which is too "
+            "often; is the loop far from stable, or the sample time much shorter than the dead time?"
         )
     if points < w.size:  # no step has to be divided
         return w
@@ -93,7 +95,7 @@ def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Arra
 
 
 def most_between(*neighbours: Any) -> Any:
-    """Return an upper bound of a smooth function between points, their maximum plus their difference."""
+    """Return an upper bound of a smooth positive function between neighbours: maximum times maximum over minimum."""
     low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
     return high * np.where(low > 0, high / low, 1.0)
 
@@ -103,9 +105,9 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
     Notes
     -----
-    This is Ridders' method for all zeros at once. `low` and `high` are two places at which the function has different
-    signs, in either order. Each step at least halves their distance, and near a simple zero doubles its digits. A place
-    where the function is exactly 0 becomes both ends.
+    This is Ridders' method for all zeros at once. The function has different signs at `low` and `high`, and either may
+    be the larger frequency. Each step at least halves the bracket, and near a simple zero it doubles the number of
+    correct digits. If the function is exactly 0 at a place, that place becomes both ends of the bracket.
     """
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
     low, high, at_low, at_high, place = w[i], w[i + 1], values[i], values[i + 1], w[i]
@@ -131,13 +133,13 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Return the minima of a function between the neighbours of some points, and its values there.
+    """Return the place and the value of the minimum of a function between the two neighbours of each given point.
 
     Notes
     -----
-    This is Newton's method on the slope for all places at once. The iterates stay between `low`, where the function
-    falls, and `high`, where it rises. Slope and curvature come from differences of wide steps, since near a lightly
-    damped pole the values lose many digits. The value returned is that at the vertex of the last parabola.
+    This is Newton's method on the slope, for all minima at once. The iterates stay between `low`, where the function
+    falls, and `high`, where it rises. Slope and curvature are differences over wide steps, because the values lose many
+    digits near a lightly damped pole. The returned value is that of the last parabola at its vertex.
     """
     low, place, high = w[i - 1], w[i], w[i + 1]
     wide, apart = high - low, DIFFERENCE_STEP * np.fmin(place - low, high - place)
@@ -157,7 +159,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
 
 
 def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
-    """Return the frequencies where |L| = 1, ascending, and extrema near 1 between neighbouring points."""
+    """Return the frequencies where |L| = 1, ascending, and those of extrema of |L| near 1."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
         _, num, den = at(w)
@@ -193,13 +195,14 @@ def height(kind: int, num: Any, den: Any) -> Any:
 
 
 def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
-    """Return a bound of a height between neighbours, from |L| and a weight there. It is infinite where |L| may be 1.
+    """Return an upper bound of a weighted height between neighbouring points, from |L| and the weight at the points.
 
-    Between two points |1 + L| is at least the distance of |L| from 1, for any phase of the dead time.
+    Between two points |1 + L| is at least the distance of |L| from 1, for any phase of the dead time. The bound is
+    infinite where |L| may be 1.
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
-    # A smooth function exceeds two neighbours by at most their difference.
+    # On a logarithmic scale, a smooth function exceeds two neighbours by at most their difference.
     apart = np.fmax(below * np.where(above > 0, below / above, 1.0) - 1, 1 - most_between(below, above))
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
 
@@ -208,21 +211,21 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
 class Axis(ABC):
     """Loop as a function of frequency, with a grid.
 
-    `pidalab.robustness.in_s.AxisInS` is a continuous loop, `pidalab.robustness.in_z.AxisInZ` a sampled one.
+    `pidalab.robustness.in_s.AxisInS` is for continuous loops, `pidalab.robustness.in_z.AxisInZ` for sampled loops.
 
     Attributes
     ----------
     grid : ndarray
         Frequencies in rad per time unit, ascending.
     on_grid : Samples
-        The loop at these frequencies.
+        The loop at the frequencies of the grid.
     delay : float
-        Dead time that turns the phase in addition to the roots; 0 if there is none.
+        Dead time, which turns the phase; 0 if there is none.
     at_zero, at_end : float
-        L at the ends of the axis, where it is real. At infinite frequency with dead time every phase occurs, and the
-        worst is used.
+        L at both ends of the axis, a real number. With dead time every phase occurs towards infinite frequency, and
+        `at_end` has the worst phase.
     end : float
-        The last frequency: infinite, or half the sampling frequency.
+        The last frequency: infinity for a continuous loop, half the sampling frequency for a sampled one.
     """
 
     grid: Array
@@ -238,7 +241,7 @@ class Axis(ABC):
 
     @abstractmethod
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count the zeros of the characteristic function right of s = jω - slope ω - shift. None if one is on it."""
+        """Count the zeros of the characteristic function right of s = jω - slope ω - shift. None if a zero is on it."""
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
@@ -252,16 +255,16 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return points between which the phase of the dead time turns little wherever \\|L\\| >= loud."""
+        """Return a grid on which the dead time turns the phase little in each step where \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
-        """Divide some steps of the grid until the dead time turns the phase by at most `turn`."""
+        """Return the grid, with some steps divided until the dead time turns the phase in each by at most `turn`."""
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property
     def gain_crossings(self) -> tuple[Array, Array]:
-        """Return the gain crossovers, and extrema of |L| near 1."""
+        """Return the frequencies of the gain crossovers, and those of extrema of |L| near 1."""
         return gain_crossings(self.at, self.on_grid)
 
     @property
@@ -270,14 +273,17 @@ class Axis(ABC):
         return self.gain_crossings[0]
 
     def phase_crossovers(self, quietest: float) -> Array:
-        """Return frequencies where L is real and negative, with dead time those with |L| >= `quietest`."""
+        """Return the frequencies where L is real and negative.
+
+        A continuous loop with dead time has infinitely many, so only those with |L| >= `quietest` are returned.
+        """
 
         def angle(w: Any) -> Any:
             _, num, den = self.at(w)
             return np.angle(-num * np.conj(den))
 
         grid, size = self.grid[self.grid < self.end], self.size[self.grid < self.end]
-        # A dead time makes infinitely many crossovers, but finitely many up to half the sampling frequency.
+        # Up to half the sampling frequency the number of crossovers is finite, so a sampled loop needs no such limit.
         floor = quietest if self.delay and math.isinf(self.end) else TINIEST
         with np.errstate(all="ignore"):
             loud_steps = np.fmax(size[:-1], size[1:]) >= quietest
@@ -301,7 +307,7 @@ class Axis(ABC):
     def supremum(
         self, kind: int, at_zero: float, at_end: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the largest of all peaks, times a weight, and the limits at both ends, and its frequency."""
+        """Return the largest of the weighted peaks and the limits at both ends of the axis, and its frequency."""
         end = max(at_zero, at_end)
         peak, where = self.highest(kind, end / (1 - TO_AN_END), weight)
         if math.isnan(where):  # the limit at an end is the highest
@@ -310,7 +316,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies around gain crossovers where the dead time turns quickly, since L passes near -1 there."""
+        """Return frequencies around the gain crossovers at which the dead time turns L quickly, so near -1 at times."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers
@@ -320,22 +326,22 @@ class Axis(ABC):
     def highest(
         self, kind: int, least: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the highest peak of |S|, |T| or half of |S - T|, times a weight, and its frequency.
+        """Return the highest weighted peak of |S|, |T| or half of |S - T|, and its frequency.
 
         Parameters
         ----------
         kind : int
             `SENSITIVITY`, `COMPLEMENTARY` or `DIFFERENCE`.
         least : float
-            Value that a peak must exceed. If none does, return this value at NaN.
+            Value that a peak must exceed. If no peak does, return `least`, and NaN as its frequency.
         weight : callable, optional
             A smooth positive function of frequency.
 
         Notes
         -----
-        `best` is the highest value so far. A step of the grid is divided only if the upper bound within it exceeds
-        `best`, the most promising steps first. A local maximum of three points is refined only if its bound exceeds
-        `best`. Probes near gain crossovers, where the dead time turns quickly, raise `best` early.
+        `best` is the highest value so far. Each step of the grid has an upper bound of the height within the step. Only
+        steps whose bound exceeds `best` are divided, those with the largest bounds first. A local maximum of three
+        points is refined only if its bound exceeds `best`. Probes near gain crossovers raise `best` early.
         """
 
         def values(samples: Samples) -> Any:
@@ -343,7 +349,7 @@ class Axis(ABC):
             return heights if weight is None else heights * weight(samples.w)
 
         def depths(w: Any) -> Any:
-            # This is nearly a parabola in the frequency, even where the loop is almost unstable.
+            # Near a peak, height^-2 is almost a parabola in frequency, even if the loop is almost unstable.
             return values(self.at(w)) ** -2.0
 
         def limits(samples: Samples) -> Array:
@@ -358,7 +364,7 @@ class Axis(ABC):
                 around = probe + np.array([-FINE_STEP, 0.0, FINE_STEP]) / self.delay
                 place, depth = lowest(depths, around, np.array([1]))
                 best, where = max((best, where), (float(depth[0] ** -0.5), float(place[0])))
-            # Long steps are divided into pieces first, since only few of them can contain a peak.
+            # Long steps are first divided into pieces, since only few pieces can contain a peak.
             pieces = divided(samples.w, most > best, self.delay, PIECE * FINE_STEP)
             if pieces is not samples.w:
                 samples = self.at(pieces)
@@ -379,7 +385,7 @@ class Axis(ABC):
                 & (inner * (1 - ROUNDING) > np.fmin(before, after))
                 & ~(np.fmax(most[:-1], most[1:]) <= best * (1 + NO_HIGHER))
             )
-            # Near a point, L comes no closer to -1 than the path to the next points allows.
+            # Between its neighbours, a point's distance from -1 decreases by at most the length of the path of L.
             three = hills + np.array([[-1], [0], [1]])
             L = samples.num[three] / samples.den[three]
             distance = np.abs(1 + L)
@@ -391,13 +397,13 @@ class Axis(ABC):
 
 
 def _top(w: Array, heights: Array) -> tuple[float, float]:
-    """Return the highest of some heights, and its frequency."""
+    """Return the largest height, and its frequency."""
     i = int(np.argmax(np.fmax(heights, -1.0)))  # a pole on the axis gives NaN, which is ignored
     return float(heights[i]), float(w[i])
 
 
 def round_to_count(number: float) -> int | None:
-    """Round a number of poles to a whole number. Return None if it is not close to one."""
+    """Round a number of poles to a whole number. Return None if the number is not close to a whole number."""
     return round(number) if math.isfinite(number) and abs(number - round(number)) < 0.2 else None
 
 

@@ -1,25 +1,27 @@
 """Step responses of a loop with dead time, computed from dead time to dead time (see `pidalab.simulation.exact`).
 
-A *stack* is a row of states, oldest first. The present state is at its end, the state one dead time ago before it, and
-so on. The number of its states is its number of *ages*. *Powers* are the exponentials of the loop's matrix less 1, over
-the time step multiplied by powers of 2. Each is an element of the ring in `pidalab.simulation.ring`.
+A *stack* is a row of states at distances of one dead time, oldest first, so that the present state is the last one. The
+*age* of a state is its distance from the present in dead times, and a stack of m ages has m states. A *power* is the
+matrix exponential of the loop over the time step times a power of 2, less the unit matrix. Powers are elements of the
+ring in `pidalab.simulation.ring`. The *reach* of a power is the number of ages that it reads.
 
 Notes
 -----
-*Length of a stack.* An element of reach R computes the state of age a from the states of ages a to a + R - 1 and from
-no others. The youngest m ages after it depend on the youngest m + R - 1 before it. Every stack is truncated by this
-rule, backwards from the ages that the outputs read: each element still to be applied adds its reach less 1, at most
-back to t = 0, before which all states are 0. So truncation adds no error.
+*Length of a stack.* A power of reach R computes the new state of age a from the old states of ages a to a + R - 1
+only. So the youngest m new states depend on the youngest m + R - 1 old states. Every stack is truncated by this rule.
+The computation begins with the number of ages that the outputs read, and each power that is still to be applied adds
+its reach less 1. No stack goes back beyond t = 0, because all earlier states are 0. So truncation adds no error.
 
-*Error bound.* If one power is applied r times, its reach does not count r times. The binary digits of r select the
-higher powers that have the same product, and their reaches count. These are shorter, because each power dropped its
-last coefficients when it was formed, those below `DROPPED` of its largest. A stack that is truncated by these reaches
-lacks only the contribution of the dropped coefficients to its oldest states. Outputs drop the same share of the ages
-that they read. The total error is at most `DROPPED`, times the number of powers, times the largest coefficient of a
-power, times the gain of the others, times the largest old state, in the balanced units of the states. That is far below
-rounding unless coefficients or states are 1e10 times as large as the requested values. In that case rounding destroys
-the digits first, and `checked_responses` detects it. It does not detect the truncation itself, since responses in other
-units truncate equally.
+*Error bound.* When one power is applied r times, the length of the stack is not computed from r times its reach. The
+binary digits of r select higher powers with the same product, and the length is computed from the reaches of the higher
+powers. Their sum is smaller, because each power drops its last coefficients when it is formed, namely all that are
+below `DROPPED` times its largest coefficient. A stack of this length lacks only the contribution of the dropped
+coefficients to its oldest states. Outputs ignore the ages that they read by less than the same share. The total error
+is at most the product of `DROPPED`, the number of powers, the largest coefficient of a power, the gain of the other
+powers and the largest old state, in the balanced units of the states. This bound is far below rounding unless
+coefficients or states are 1e10 times as large as the requested values. In that case rounding destroys the digits first,
+and `checked_responses` detects the loss. `checked_responses` does not detect truncation, since responses in other units
+are truncated equally.
 """
 
 from __future__ import annotations
@@ -44,19 +46,20 @@ from pidalab.simulation.stacks import (
     summed,
 )
 
-MAX_STACK = 4000  # states in a stack; with more the simulation takes too long
-MAX_WORK = 4e9  # multiplications, which take seconds; with more the simulation takes too long
-MAX_ANCHORS = 1e7  # stored states at multiples of the dead time
-LONGEST_RUN = 8  # logarithm to base 2 of the largest number of requested times that are read from one stack
-# One Taylor series replaces this number of lowest powers when a stack is advanced. A longer series costs less than
-# three powers, and its terms, up to e^4 in units of the states, cost less than two digits.
+MAX_STACK = 4000  # largest number of elements in a stack; a longer stack takes too long
+MAX_WORK = 4e9  # largest number of multiplications; this number takes seconds
+MAX_ANCHORS = 1e7  # largest number of stored state variables, over all multiples of the dead time
+LONGEST_RUN = 8  # at most 2**8 requested times are usually read from one stack
+# Number of the lowest powers that one Taylor series replaces when a stack is advanced. The series takes less time than
+# three powers. Its terms are at most e^4 times the states, so that rounding costs less than two digits.
 SERIES = 3
-KEPT_INTERVALS = 64  # dead times whose derivatives are stored in addition to those that a stack reads
+# Number of multiples of the dead time for which derivatives are stored, in addition to those that a stack reads.
+KEPT_INTERVALS = 64
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
 class ManyDeadTimes(ValueError):
-    """Raised if there are too many dead times to simulate one after the other."""
+    """Raised if the requested times span too many dead times to simulate each in turn."""
 
 
 def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
@@ -69,14 +72,14 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
     n : int
         Number of times.
     step : float
-        Their distance.
+        Distance of the times.
     norm : float
-        Value of `norm_over`, or a larger one, which makes the lowest power shorter.
+        Value of `norm_over`, or a larger number. A larger number makes the time step of the lowest power shorter.
 
     Raises
     ------
     ManyDeadTimes, ValueError
-        For too many dead times, a loop that depends on too many past ones, and an overflow.
+        If the times span too many dead times, the loop depends on too many past states, or the response overflows.
     """
     intervals = _intervals(cut, n, step)
     result, _, status = _responses(cut, step, n, intervals, norm)
@@ -102,11 +105,11 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Bound the norm of the block Toeplitz matrix, over the ages within n times."""
+    """Return an upper bound of the norm of the block Toeplitz matrix, for all ages that occur within n times."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
-        while ages < intervals and power.any():  # each pass sums the powers of twice as many ages
+        while ages < intervals and power.any():  # each pass doubles the number of ages in the sum
             through = through + power @ through
             power = power @ power
             ages *= 2
@@ -116,8 +119,8 @@ def norm_over(cut: Cut, n: int, step: float) -> float:
 
 def _too_many(intervals: float) -> str:
     return (
-        f"t spans {intervals:.3g} dead times, too many to follow one after the other; shorten t, or leave out "
-        "so short a dead time"
+        f"t spans {intervals:.3g} dead times, too many to simulate one after the other; shorten t, or neglect "
+        "the dead time"
     )
 
 
@@ -127,17 +130,19 @@ def _responses(cut, step, n, intervals, norm):
 
     Notes
     -----
-    For each multiple k of the dead time, `states[:, k]` is the state there and `terms[:, m, k]` its derivative of order
-    m times delta^m / m!. The loop over k keeps these invariants:
+    Row i of `states` holds the states for input i at all multiples of the dead time, one after the other: element
+    k * size + j is state variable j at the multiple k. Row (i, m) of `terms` holds the derivatives of order m times
+    delta^m / m! in the same order, but its first multiple is `start`. The loop over k keeps these invariants:
 
-    * Before k all requested times below k dead times are computed, and `first` is the next one.
-    * `start` is the multiple at the beginning of `terms`, which holds everything that a stack of `deepest` ages reads.
-    * The stack at the first requested time in an interval is the Taylor series of the stack at k over a share of
-      delta, advanced by a number of whole deltas. The binary digits of that number select the powers.
-    * Each stack has only the ages that the outputs read from it and from the stacks that follow.
+    * When the pass for k begins, the outputs at all requested times below k dead times are computed, and `first` is
+      the index of the next requested time.
+    * `terms` holds all derivatives that a stack of `deepest` ages at the multiple k reads.
+    * The stack at the first requested time of an interval is computed in two parts. A Taylor series spans a share of
+      delta from the multiple k. Powers then span a whole number of deltas, whose binary digits select the powers.
+    * Each stack has only the ages that the outputs read from this stack and from the later stacks of the interval.
 
-    Outputs at `run` successive times are one product, the stack by `rows`. The method is that of the module
-    `pidalab.simulation.exact`.
+    The outputs at `run` successive times are one product of the stack and `rows`. The module
+    `pidalab.simulation.exact` describes the method.
     """
     A, B, Cv, D, delay = cut.A, cut.B, cut.Cv, cut.D, cut.delay
     size, inputs = cut.x0.shape
@@ -145,11 +150,11 @@ def _responses(cut, step, n, intervals, norm):
     inside = n - 1  # number of steps in a dead time
     if delay > 0.0:
         inside = int(min(delay / step * (1.0 + 1e-12), 1e15))
-    # Long runs need expensive rows, short runs many stacks. The sum is least near the root of n / 3.
+    # A long run needs many rows, and short runs need many stacks. Runs of about sqrt(n / 3) times need the least work.
     run_bits = 0
     while run_bits < LONGEST_RUN and 2.0 * 4.0**run_bits <= n / 3.0 + 1.0:
         run_bits += 1
-    # The highest power spans a run of times, or the dead time if there is one.
+    # The highest power spans a run of times or, with dead time, as many steps as fit into the dead time.
     top = run_bits
     if delay > 0.0:
         top = 0
@@ -161,7 +166,7 @@ def _responses(cut, step, n, intervals, norm):
     powers, low = ladder(A, B, Cv, D, norm, step, top, most)
     if len(powers) == 0:
         return result, 0, TOO_LARGE
-    # The Taylor series that advances a stack spans delta and ends where its terms are negligible.
+    # The Taylor series that advances a stack spans at most delta. It ends where its terms are negligible.
     spanned = min(SERIES, -low)
     bits = min(-low, len(powers))  # no distance is longer than a step or a dead time
     delta = step * 2.0 ** (low + spanned)
@@ -178,7 +183,7 @@ def _responses(cut, step, n, intervals, norm):
         if element.shape[1] == most * size and most < intervals + 1:
             return result, most, TOO_DEEP
 
-    # Each state at a multiple of the dead time contributes to the later ones within the reach of `across`.
+    # Each state at a multiple of the dead time contributes to the later states within the reach of `across`.
     states = np.zeros((inputs, (intervals + 1) * size))
     for i in range(inputs):
         for j in range(size):
@@ -198,8 +203,8 @@ def _responses(cut, step, n, intervals, norm):
                 reached = row[place + size : min(row.size, place + size + across.shape[1])]
                 add_rows(reached, row[place : place + size], across, 0, 0)
 
-    # Rows by which the outputs read a stack, and the ages that are needed to advance it there. One run serves all times
-    # of an interval if it is at most half as long again, since that saves a second stack.
+    # Compute the rows by which the outputs read a stack, and the number of ages that each stack needs. All times of an
+    # interval form one run if that is at most 1.5 times the usual run, since one run saves a second stack.
     run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**run_bits else 2**run_bits
     rows = output_rows(cut.C, cut.direct, Cv, D, cut.settled_u, most, run, powers, -low)
     outputs = rows.shape[1] // run
@@ -212,12 +217,12 @@ def _responses(cut, step, n, intervals, norm):
         deepest += powers[p].shape[1] // size - 1
     deepest = min(deepest, intervals + 1)
 
-    # `terms` holds derivatives of the states at the multiples, as far back as a stack reads.
+    # `terms` holds derivatives of the states at the latest multiples, as far back as a stack reads.
     room = min(intervals + 1, deepest + KEPT_INTERVALS)
     terms = np.zeros((inputs, series + 1, room * size))
     delayed = np.zeros((inputs, series + 1, B.shape[1]))
     places, numbers = nonzero(A)
-    start = 0  # the multiple at the beginning of `terms`
+    start = 0  # the first multiple in `terms`
     out = np.zeros(rows.shape[1])
     work = 0.0
     first = 0
@@ -237,7 +242,7 @@ def _responses(cut, step, n, intervals, norm):
         last = n if k == intervals else min(n, first_time(k + 1, step, delay))
         if first >= last:
             continue
-        # The series spans the share of a delta, the powers span `count` whole deltas up to the first requested time.
+        # The first time is `distance` after the multiple. The series spans `share` deltas, the powers `count`.
         distance = distance_after(k, first, step, delay)
         count = np.floor(distance / delta)
         share = distance / delta - count
@@ -272,7 +277,8 @@ def _responses(cut, step, n, intervals, norm):
                     if outputs > 3 and distance + step * (begin + m - first) > cut.settling:
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
-                    # A jump at a multiple moves the fast part only afterwards. There the oldest states count, too.
+                    # At a multiple, u is read just before a jump can move the fast part. So its settled value is used,
+                    # without the state at t = 0, which is the jump. All other states that the outputs read count.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size
