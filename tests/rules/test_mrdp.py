@@ -41,7 +41,7 @@ def test_pole_has_multiplicity_m_plus_3(m):
     """All derivatives of x^2 e^x + N(x) up to the order m + 2 vanish at the pole, and the next one does not."""
     unit = mrdp.constants(m)
     for k in range(m + 4):
-        first = (unit.pole**2 + 2 * k * unit.pole + k * (k - 1)) * math.exp(unit.pole)
+        first = (unit.pole**2 + 2 * k * unit.pole + k * (k - 1)) * np.exp(unit.pole)
         second = np.polyval(np.polyder(unit.numerator, k), unit.pole)
         assert (abs(first + second) < 1e-13) == (k < m + 3)
 
