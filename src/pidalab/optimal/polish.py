@@ -18,7 +18,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal.problem import MS, PEAKS, Scaled, numerator, weights, with_turns
-from pidalab.optimal.search import FINE, NEARLY, Search, is_surely_stable
+from pidalab.optimal.search import FINE, NEARLY, SPARE, Search, is_surely_stable
 from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
@@ -353,10 +353,8 @@ def solve_qp(
 # --- refinement -------------------------------------------------------------------------------------------------------
 
 
-def finish(
-    search: Search, x: Array, known: Sequence[Polished] = (), last_steps: bool = True
-) -> Polished | None:
-    """Refine and verify an optimum: descend, polish if requested, and add frequencies until the limits hold at all.
+def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
+    """Refine and verify an optimum: descend, polish, and add frequencies until the limits hold at all.
 
     Return None if that fails, or if the end is known already or worse.
     """
@@ -371,7 +369,7 @@ def finish(
             for other in known
         ):
             return None
-        x, end = unknowns, polish(search, unknowns) if last_steps else None
+        x, end = unknowns, polish(search, unknowns)
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
         for peak in end.w:  # These frequencies serve the following descents.
@@ -419,5 +417,5 @@ def _keeps(search: Search, x: Array, noise: float) -> bool:
             search.look_at(frequency)
     if search.limits.noise_gain is not None and noise > search.limits.noise_gain:
         kept = False
-        search.aim *= search.limits.noise_gain / noise * (1 - search.spare)
+        search.aim *= search.limits.noise_gain / noise * (1 - SPARE)
     return kept
