@@ -221,6 +221,14 @@ def test_savings_match_the_library(page, task):
     assert saving == pytest.approx(1 - pida / pid, abs=0.005)
 
 
+def test_loss_matches_the_library(page):
+    data = BY_LABEL["task-lab-5"].data
+    key, plant = data["key"], data["plants"]["the model"]
+    expected = fact(data, key, key, "the model.iae") / optimum(plant_of(plant, key), 2, 1.4, 1.5)
+    loss = page.facts({"kind": "design", "plant": plant, "loop": {}}, key, "loss")
+    assert loss == pytest.approx([expected], rel=5e-3)
+
+
 @named([BY_LABEL["task-3-2"], BY_LABEL["task-lab-4"]])
 def test_iae_limit_is_a_tenth_above_the_optimum(task):
     data = task.data

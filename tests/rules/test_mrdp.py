@@ -36,6 +36,16 @@ def test_closed_form_is_the_taylor_polynomial(m):
     assert got.derivative_times == pytest.approx([float(x) for x in derivative_times], rel=2e-14)
 
 
+@pytest.mark.parametrize("m", range(6))
+def test_pole_has_multiplicity_m_plus_3(m):
+    """All derivatives of x^2 e^x + N(x) up to the order m + 2 vanish at the pole, and the next one does not."""
+    unit = mrdp.constants(m)
+    for k in range(m + 4):
+        first = (unit.pole**2 + 2 * k * unit.pole + k * (k - 1)) * np.exp(unit.pole)
+        second = np.polyval(np.polyder(unit.numerator, k), unit.pole)
+        assert (abs(first + second) < 1e-13) == (k < m + 3)
+
+
 @pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(6) for n in (m + 1, m + 3)])
 def test_filter_ratio_puts_both_poles_at_the_same_place(m, n):
     """At p_o T_f / T_e the derivative of order m + 2 of s^2 (s + 1)^n vanishes, and nowhere nearer to 0."""

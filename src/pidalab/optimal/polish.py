@@ -19,7 +19,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.loop import Loop
 from pidalab.optimal.problem import MS, PEAKS, Scaled, numerator, weights, with_turns
-from pidalab.optimal.search import FINE, NEARLY, Search, is_surely_stable
+from pidalab.optimal.search import FINE, NEARLY, SPARE, Search, is_surely_stable
 from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
@@ -361,13 +361,10 @@ def solve_qp(
 # --- refinement -------------------------------------------------------------------------------------------------------
 
 
-def finish(
-    search: Search, x: Array, known: Sequence[Polished] = (), last_steps: bool = True
-) -> Polished | None:
+def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
     """Refine and verify an optimum.
 
-    Descend, polish if requested, and add frequencies until the limits hold at all frequencies. Return None if this
-    fails, or if the optimum is already known or is clearly worse than a known optimum.
+    Descend, polish, and add frequencies X
     """
     for _ in range(MAX_FINISHES):
         value, unknowns, violation = search.descend(x, effort=FINE)
@@ -380,7 +377,7 @@ def finish(
             for other in known
         ):
             return None
-        x, end = unknowns, polish(search, unknowns) if last_steps else None
+        x, end = unknowns, polish(search, unknowns)
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
         for peak in end.w:  # The following descents use these frequencies.
@@ -428,5 +425,5 @@ def _keeps(search: Search, x: Array, noise: float) -> bool:
             search.look_at(frequency)
     if search.limits.noise_gain is not None and noise > search.limits.noise_gain:
         kept = False
-        search.aim *= search.limits.noise_gain / noise * (1 - search.spare)
+        search.aim *= search.limits.noise_gain / noise * (1 - SPARE)
     return kept

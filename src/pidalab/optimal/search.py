@@ -52,8 +52,8 @@ class Search:
     nearest: Array | None = None  # controller nearest to the limits if none keeps them
     family: tuple[Process, ...] = ()  # plants with positive gain that must keep ms_worst
 
-    def __init__(self, problem: Problem, limits: Requirements, spare: float = SPARE) -> None:
-        self.problem, self.limits, self.spare = problem, limits, spare
+    def __init__(self, problem: Problem, limits: Requirements) -> None:
+        self.problem, self.limits = problem, limits
         self.active: list[int] = []  # plants of the family that the descents see
         time = problem.time
         # The frequencies are dense around crossover, and dense enough for the turns of the dead time.
@@ -106,8 +106,8 @@ class Search:
 
     def constraints(self) -> list[CachedValueAndSlope]:
         """Return the slack of every limit at the present frequencies, negative if the limit is violated."""
-        worst = {"ms": self.limits.ms_worst * (1 - self.spare)}
-        functions = [self.problem.slack(self.w, self.limits.peaks(self.spare))]
+        worst = {"ms": self.limits.ms_worst * (1 - SPARE)}
+        functions = [self.problem.slack(self.w, self.limits.peaks(SPARE))]
         functions += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
         if self.noise is not None:
             noise, most = self.noise, self.aim
@@ -193,9 +193,7 @@ def is_surely_stable(loop: Loop) -> bool:
         return False
 
 
-def search_in(
-    process: Process, order: int, limits: Requirements, factor: float = 1.0, spare: float = SPARE
-) -> Search:
+def search_in(process: Process, order: int, limits: Requirements, factor: float = 1.0) -> Search:
     """Return a search in the unit of time that fits a process, times a factor.
 
     Parameters
@@ -208,8 +206,6 @@ def search_in(
         Requirements of the design.
     factor : float, optional
         Factor of the unit of time.
-    spare : float, optional
-        Share by which the search stays below a limit, for peaks between its frequencies.
 
     Returns
     -------
@@ -224,7 +220,7 @@ def search_in(
     3
     """
     unit = factor * unit_of_time(process, limits)
-    return Search(Problem(process, order, (abs(complex(process(1j / unit))), unit)), limits, spare)
+    return Search(Problem(process, order, (abs(complex(process(1j / unit))), unit)), limits)
 
 
 # --- starts -----------------------------------------------------------------------------------------------------------
@@ -244,14 +240,14 @@ STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts, and their least 
 NEAREST = 4  # number of candidates from which the limits are approached
 
 
-def feasible_starts(search: Search, surely: bool = True) -> list[Array]:
-    """Return different candidates that keep all limits, the least IAE first, and check their stability on request."""
+def feasible_starts(search: Search) -> list[Array]:
+    """Return different candidates that keep all limits, the least IAE first, and are stable."""
     constraints = search.constraints()
     kept = [x for x in _ranked(search) if search.violation(x, constraints) == 0]
     chosen: list[Array] = []
     for x in sorted(kept, key=lambda x: search.iae(x)[0]):
         differs = all(_apart(x, other, search.problem.gains) for other in chosen)
-        if differs and (not surely or search.sound(x)):
+        if differs and search.sound(x):
             chosen.append(x)
         if len(chosen) == STARTS:
             break
