@@ -364,7 +364,8 @@ def solve_qp(
 def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
     """Refine and verify an optimum.
 
-    Descend, polish, and add frequencies X
+    Descend, polish, and add frequencies until the limits hold at all frequencies. Return None if this fails, or if the
+    optimum is already known or is clearly worse than a known optimum.
     """
     for _ in range(MAX_FINISHES):
         value, unknowns, violation = search.descend(x, effort=FINE)
