@@ -1,4 +1,4 @@
-"""A continuous loop along the frequency axis, by its factors."""
+"""A continuous loop along the frequency axis, evaluated by its poles and zeros."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from pidalab.robustness.axis import (
 )
 from pidalab.roots import roots
 
-# If the dead time turns the phase by more than this, in rad, rounding leaves only whole turns.
+# If the dead time turns the phase by more than this angle in rad, rounding hides the fraction of a turn.
 UNCERTAIN_TURNS = 1e12
-FAR_PER_DECADE = 12  # number of grid points far from all corner frequencies
-CLEAR = 10.0  # the grid extends until |L| is above this value, or below its inverse
+FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
+CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse
 
 
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    The speeds, one above 0 for each pole, prevent overflow of the products of factors.
+    There is one speed for each pole, above 0. The speeds prevent overflow of the products of factors.
     """
 
     gain: float
@@ -43,7 +43,7 @@ class LoopFactors(NamedTuple):
     delay: float
 
     def fraction(self, s: Any) -> tuple[Any, Any]:
-        """Evaluate numerator and denominator of L, each factor divided by |s| plus a speed against overflow."""
+        """Evaluate numerator and denominator of L. To prevent overflow, factors are divided by |s| plus a speed."""
         flat, few = np.ravel(s), self.zeros.size
         with np.errstate(all="ignore"):
             scale = 1.0 / (np.abs(flat) + self.speeds[:, None])
@@ -64,7 +64,7 @@ def factors_of(loop: Loop, *names: str) -> LoopFactors:
     Raises
     ------
     ValueError
-        For a gain that overflows, and for roots that cannot be found.
+        If the gain overflows, or if roots cannot be found.
     """
     open_loop(loop)  # raises an error for a sampled loop
     gain, zeros, poles = 1.0, [], []
@@ -79,13 +79,13 @@ def factors_of(loop: Loop, *names: str) -> LoopFactors:
 
 
 def loop_factors(loop: Loop) -> LoopFactors:
-    """Factor a whole loop, with its dead time."""
+    """Factor a whole loop, including its dead time."""
     factors = factors_of(loop, "process", "controller", "output_filter")
     return factors._replace(delay=float(loop.process.delay))
 
 
 def from_roots(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopFactors:
-    """Assemble the factors of a loop. The speed of a pole at 0 is that of the slowest other pole."""
+    """Assemble the factors of a loop. A pole at 0 gets the speed of the slowest other pole."""
     speeds = np.abs(poles)
     moving = [speed for speed in speeds.tolist() if speed > 0]
     speeds[speeds == 0] = min(moving) if moving else 1 / delay if delay else 1.0
@@ -99,7 +99,7 @@ class AxisInS(Axis):
     Attributes
     ----------
     factors : LoopFactors
-        The loop.
+        Factors of the loop.
     """
 
     factors: LoopFactors
@@ -119,14 +119,15 @@ class AxisInS(Axis):
         return Samples(w, *self.factors.fraction(1j * np.asarray(w)))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        r"""Count zeros of the characteristic function f right of s = jω - slope ω - shift. None if one is on this line.
+        r"""Count zeros of the characteristic function f right of s = jω - slope ω - shift. None if a zero is on it.
 
         Notes
         -----
-        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. So f turns
-        as D does, plus the change of the angle of 1 + L between the ends. Where \|L\| > 1, f turns as N does, in the
-        same way. Along a straight line each factor turns by less than half a turn, and a dead time by its product with
-        the frequency. So only the gain crossovers are needed, and the turns of a dead time between them need not be
+        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. So between
+        two gain crossovers the angle of f changes by as much as the angle of D, plus the difference of the angles of
+        1 + L at the two crossovers. Where \|L\| > 1, the same holds with N and 1 + 1/L. Along a straight line, the
+        angle of each factor changes by less than half a turn, and the angle of the dead time by its product with the
+        change of frequency. So the values at the gain crossovers suffice, and the turns between them need not be
         followed.
         """
         factors, w = self.factors, self.grid
@@ -143,7 +144,7 @@ class AxisInS(Axis):
         with np.errstate(all="ignore"):
             level = np.log(np.abs(num) / np.abs(den))
             flat = np.abs(level) <= ON_CONTOUR
-            # A pole of L on the contour is a pole of the loop if a zero, or the gain 0, cancels it.
+            # A pole of L on the contour is a zero of f if a zero of L, or the gain 0, cancels the pole.
             off = np.abs(factors.poles.real + contour_slope * factors.poles.imag + contour_shift)
             poles = np.abs(factors.poles[off <= ON_CONTOUR * np.abs(factors.poles)].imag)
             points = np.concatenate([[0.0], edges, touched, w[flat], poles])
@@ -161,7 +162,7 @@ class AxisInS(Axis):
                 k = np.flatnonzero(active)
                 start = direction * np.append(0.0, edges)[k] - contour_shift
                 stop = np.append(direction * edges - contour_shift, np.nan)[k]
-                # Seen from infinity, all roots are at one place.
+                # At the infinite end of the contour, the directions to all roots are the same.
                 reach = np.where(np.isnan(stop.real)[:, None], direction, stop[:, None] - zeros[None, :])
                 total += float(np.angle(reach * np.conj(start[:, None] - zeros[None, :])).sum())
                 total += sign * float((half[k + 1] - half[k]).sum())
@@ -175,7 +176,7 @@ class AxisInS(Axis):
         return round_to_count(count)
 
     def _may_pass_unseen(self, flat: Any, L: Any) -> bool:
-        """Return True if L may pass -1 between two points at both of which its modulus is 1."""
+        """Return True if L may pass through -1 between two neighbouring points with |L| = 1."""
         pairs = flat[:-1] & flat[1:]
         negative = (L.real[:-1] < 0) & (L.real[1:] < 0) & (L.imag[:-1] * L.imag[1:] <= 0)
         return bool(np.any(pairs & (negative | (np.diff(self.grid) * self.delay > COARSE_STEP))))
@@ -183,24 +184,24 @@ class AxisInS(Axis):
 
 @lru_cache(maxsize=64)
 def axis_in_s(loop: Loop) -> AxisInS:
-    """Return the axis of a continuous loop. The last ones are cached.
+    """Return the axis of a continuous loop. The axes of the last loops are cached.
 
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, that is, without dead time and with a direct feedthrough of exactly -1.
     """
     require_well_posed(loop)
     return unit_axis(loop)
 
 
 def unit_axis(loop: Loop) -> AxisInS:
-    """Return the axis of a continuous loop whose gain will be scaled, so that it may be ill-posed."""
+    """Return the axis of a continuous loop whose gain will be scaled. The given loop may be ill-posed."""
     return from_factors(loop_factors(loop), static_gain(*open_loop(loop)))
 
 
 def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
-    """Return the axis of a continuous loop by its factors."""
+    """Return the axis of a continuous loop from its factors."""
     at_infinity = factors.gain if factors.zeros.size == factors.poles.size else 0.0
     w = frequencies(np.concatenate([factors.zeros, factors.poles]), factors.delay)
     num, den = factors.fraction(1j * w)
@@ -219,7 +220,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Extend the grid at both ends until |L|, a power of the frequency there, has crossed 1."""
+    """Return extensions of the grid at both ends, where |L| is a power of w, up to where |L| has crossed 1."""
     at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
     at_infinity = factors.poles.size - factors.zeros.size
     parts = []

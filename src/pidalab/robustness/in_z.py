@@ -1,12 +1,13 @@
 r"""A sampled loop along the unit circle, exact with its dead time.
 
-Across a sample interval h the input of the plant has one or two pieces in which it is constant (see `statespace`), so
-that with :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}` the plant is, from sample to sample,
+Within a sample interval h, the delayed input of the plant is constant, or constant in each of two pieces (see
+`statespace`). So :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function of the plant from
+sample to sample is
 
 .. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0},
 
-and :math:`L(z) = G(z) K(z)` determines stability and margins at the samples, without approximation. The output between
-samples is not considered.
+With the controller K(z), :math:`L(z) = G(z) K(z)` determines stability and margins at the samples without
+approximation. The output between samples is not considered.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ from pidalab.robustness.in_s import axis_in_s
 from pidalab.roots import roots
 from pidalab.statespace import ALIGNED, held, pieces, realise
 
-LARGEST_TURN = 0.8  # the characteristic function turns at most by this between two points, in rad
-HALVINGS = 70  # number of times that a step is halved at most
-LONGEST_DELAY = 1e6  # samples; with a longer dead time rounding hides a fraction of a sample
+LARGEST_TURN = 0.8  # largest change of the angle of the characteristic function between two points, in rad
+HALVINGS = 70  # largest number of times that a step is halved
+LONGEST_DELAY = 1e6  # largest dead time in samples; in a longer one, rounding hides the fraction of a sample
 
 
 def require_later_answer(plant: Any, direct: float, h: float) -> None:
-    """Raise for a plant whose output at a sample depends on the input that is set at the same time."""
+    """Raise an error if the output of a plant at a sample depends on the input that is set at the same time."""
     if direct and plant.delay < h * ALIGNED:
         raise ValueError(
             f"plant must have a dead time or no direct feedthrough in a sampled loop, found {plant!r}"
@@ -49,10 +50,10 @@ def require_later_answer(plant: Any, direct: float, h: float) -> None:
 
 
 class SampledPlant(NamedTuple):
-    """A process between a hold and a sampler, in the coordinates in which its transition is triangular."""
+    """A process between a hold and a sampler, in coordinates in which the transition matrix is triangular."""
 
     transition: Any  # (n, n), upper triangular
-    inputs: list[tuple[Any, int]]  # influence of an input, and number of samples since it was set
+    inputs: list[tuple[Any, int]]  # effect of an input (n,), and its age in samples
     output: Any  # (n,)
     direct: float
 
@@ -71,7 +72,7 @@ class SampledPlant(NamedTuple):
 
 
 def sampled_plant(process: Process, h: float) -> SampledPlant:
-    """Discretise a process with a held input, dead time exact."""
+    """Discretise a process with a held input, with exact dead time."""
     A, b, c, d = realise(process.num, process.den)
     if process.delay > LONGEST_DELAY * h:
         raise ValueError(
@@ -98,7 +99,8 @@ class AxisInZ(Axis):
     Attributes
     ----------
     transfer : callable
-        Numerator and denominator of L at s = jω or nearby, with the unstable poles of L moved inside the circle.
+        Function that returns numerator and denominator of L at s = jω or nearby. The unstable poles of L are zeros of
+        the denominator. Both have poles only inside the circle.
     """
 
     transfer: Callable[[Any], tuple[Any, Any]]
@@ -110,12 +112,13 @@ class AxisInZ(Axis):
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
         """Count zeros of the characteristic function outside of the circle or spiral z = e^(s h).
 
-        There s is jω - slope ω - shift. None if one is on this line.
+        On this curve, s is jω - slope ω - shift. None if a zero is on the curve.
 
         Notes
         -----
-        The function is D + N for L = N/D. Between two points of the grid it turns as D does where |L| stays below 1,
-        and as N does where |L| stays above 1. Only other steps are halved, until it turns by less than `LARGEST_TURN`.
+        The characteristic function is N + D for L = N/D. Where |L| stays below 1 between two points of the grid, its
+        angle is followed by that of D. Where |L| stays above 1, its angle is followed by that of N. All other steps are
+        halved until the angle of N + D changes by less than `LARGEST_TURN`.
         """
 
         def characteristic(w: Any) -> Any:
@@ -130,7 +133,7 @@ class AxisInZ(Axis):
             first, last = f[0], f[-1]
             if np.any(np.isnan(f)):
                 return None
-            # Where |L| stays below 1, the function turns as den does. Where it stays above 1, it turns as num does.
+            # Where |L| stays below 1, follow the angle of den. Where |L| stays above 1, follow the angle of num.
             L, size = num / den, np.abs(num) / np.abs(den)
             quiet, loud = (
                 most_between(*pair) < 1 for pair in ((size[:-1], size[1:]), (1 / size[:-1], 1 / size[1:]))
@@ -160,7 +163,7 @@ class AxisInZ(Axis):
                 fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
             else:
                 return None
-        # The function is real at both ends.
+        # The characteristic function is real at both ends.
         total += float(np.angle(first / first.real)) - float(np.angle(last / last.real))
         return round_to_count(-total / np.pi)
 
@@ -191,12 +194,12 @@ def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
 
 
 def axis_of(loop: Loop) -> Axis:
-    """Return the axis of a loop, that of the sampled loop if its controller is digital.
+    """Return the axis of a loop. With a digital controller, return the axis of the sampled loop.
 
     Raises
     ------
     TypeError, ValueError
-        For an argument that is not a Loop, an ill-posed loop, and a dead time of more than a million samples.
+        If the argument is not a Loop, the loop is ill-posed, or the dead time is longer than a million samples.
     """
     require_loop(loop)
     return axis_in_s(loop) if loop.digital is None else _axis_in_z(loop, loop.digital)

@@ -1,4 +1,4 @@
-"""Robustness margins with exact dead time, from candidates on the frequency grid, refined to full precision."""
+"""Robustness margins with exact dead time, found on the frequency grid and refined to full precision."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable, is_stable
 
-QUIETEST = 0.1  # Phase crossovers with dead time are sought where |L| is larger, and further if these give no margin.
-QUIETEST_GIVEN = 0.1  # The turns of the dead time are followed where |L| of the given loop is larger.
-FAR_SHARE = 1e-2  # first the gain is sought up to this share of the highest frequency
-AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # relative frequencies around a peak between grid points
-MS_RTOL = 1e-6  # relative amount by which Ms may exceed the required one before the last step
-MOST_LOOKS = 8  # number of refinements of the frequency of the peak
+# With dead time, phase crossovers are sought where |L| is larger than this, and at smaller |L| if none has |L| < 1.
+QUIETEST = 0.1
+QUIETEST_GIVEN = 0.1  # In the search for a gain, the turns of the dead time are followed where |L| is larger.
+FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this share of the highest frequency
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies that are added around a peak, relative to the peak
+MS_RTOL = 1e-6  # largest share by which Ms may exceed the required Ms before the last step
+MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
 DROP = 3.0  # decibels by which |T| has fallen at the bandwidth
 
 
@@ -33,33 +34,36 @@ class Margins:
     Attributes
     ----------
     stable : bool
-        True if the closed loop is stable. If it is not, the numbers below are distances from the next stability limit,
-        as other programs print them, and not margins.
+        True if the closed loop is stable. If the loop is unstable, the following numbers are not margins but distances
+        from the nearest stability limit, as in other programs.
     unstable_poles : int or float
-        Number of unstable closed-loop poles, as `unstable_poles` counts them.
+        Number of unstable closed-loop poles, counted by the function `unstable_poles`.
     gm : float
-        Gain margin, the smallest factor above 1 that puts a pole on the stability limit (inf if none).
+        Gain margin, the smallest factor above 1 that brings a pole to the stability limit (inf if there is none).
     gm_low : float
-        Lower gain margin, the largest such factor below 1 (0 if none). A stable loop with a value above 0 is
-        conditionally stable.
+        Lower gain margin, the largest factor below 1 that brings a pole to the stability limit (0 if there is none). A
+        stable loop with a lower gain margin above 0 is conditionally stable.
     pm : float
-        Phase margin in degrees, the smallest such rotation of L in either direction.
+        Phase margin in degrees, the smallest rotation of L in either direction that brings a pole to the stability
+        limit.
     dm : float
-        Delay margin, the smallest such extra dead time, over all gain crossovers.
+        Delay margin, the smallest extra dead time that brings a pole to the stability limit, over all gain crossovers.
     disk : float
-        Disk margin α, one over the largest \\|S - 1/2\\|. The loop stays stable for any complex factor
-        (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α: for a gain from (2 - α)/(2 + α) to (2 + α)/(2 - α), or a rotation up to
-        2 arctan(α/2).
+        Disk margin α, the inverse of the largest \\|S - 1/2\\|. The loop stays stable for any complex factor
+        (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. These include gains from (2 - α)/(2 + α) to (2 + α)/(2 - α), and
+        rotations up to 2 arctan(α/2).
     ms, mt : float
         Peaks of the sensitivity and of the complementary sensitivity.
     wgc, wpc : float
-        Gain crossover with the smallest phase margin, phase crossover with the smallest gain margin (NaN if none).
+        Gain crossover with the smallest phase margin, and phase crossover with the smallest gain margin (NaN if there
+        is none).
     wms, wmt : float
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
-        All gain crossovers and phase crossovers. With dead time only phase crossovers where \\|L\\| is at least 0.1,
-        and at least the first with \\|L\\| below 1. If the dead time turns the phase more than a million times up to
-        there, none are listed, and the gain margins are NaN.
+        All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
+        Then only those with \\|L\\| of at least 0.1 are listed, or with a smaller \\|L\\| if none of them is below 1.
+        If the dead time of an unstable loop turns the phase more than about 300,000 times up to there, none are listed,
+        and the gain margins are NaN.
     """
 
     stable: bool
@@ -89,16 +93,14 @@ class Margins:
         if self.stable:
             return "\n".join(lines)
         poles = "1 pole" if self.unstable_poles == 1 else f"{self.unstable_poles:g} poles"
-        first = (
-            f"closed loop unstable, {poles}: the numbers tell how far it is from the next border of stability"
-        )
+        first = f"closed loop unstable, {poles}: the numbers are distances from the nearest stability limit"
         return "\n".join((first, *lines))
 
 
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
     """Return the maximum sensitivity Ms and its frequency, also for an unstable loop.
 
-    With a `DigitalController` it is computed at the samples, as in `margins`.
+    For a loop with a `DigitalController`, Ms is computed at the samples, as in `margins`.
 
     Parameters
     ----------
@@ -108,7 +110,8 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     Returns
     -------
     ms, wms : float
-        The supremum of \\|1/(1 + L(jw))\\| over all frequencies. ``wms`` is inf if it is only approached there.
+        The supremum of \\|1/(1 + L(jw))\\| over all frequencies. ``wms`` is inf if the supremum is only approached at
+        infinite frequency.
 
     Raises
     ------
@@ -126,7 +129,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
 
 
 def ms_or_infinite(loop: Loop) -> float:
-    """Return the maximum sensitivity, infinite if unstable."""
+    """Return the maximum sensitivity. Return infinity for an unstable loop."""
     return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 
@@ -141,8 +144,8 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Returns
     -------
     mks, wmks : float
-        The supremum of \|C/(1 + L)\| over all frequencies, in units of u per unit of y. ``wmks`` is 0 or inf if it is
-        only approached there.
+        The supremum of \|C/(1 + L)\| over all frequencies, in units of u per unit of y. ``wmks`` is 0 or inf if the
+        supremum is only approached at this end of the frequency axis.
 
     Raises
     ------
@@ -159,7 +162,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # At zero frequency C S is 1/P, or C without integral action.
+    # At zero frequency, C S is 1/P with integral action. Without it, the grid already has the value.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
@@ -180,8 +183,8 @@ def gain_crossovers(loop: Loop) -> Array:
     Returns
     -------
     ndarray
-        Frequencies in rad per time unit, which do not depend on the dead time. If \\|L\\| is 1 everywhere, there are
-        none.
+        Frequencies in rad per time unit. They do not depend on the dead time. If \\|L\\| is 1 at all frequencies, there
+        are no crossovers.
 
     Examples
     --------
@@ -203,12 +206,12 @@ def bandwidth(loop: Loop) -> float:
     Returns
     -------
     float
-        Bandwidth in rad per time unit, inf if T does not fall so far.
+        Bandwidth in rad per time unit, inf if \|T\| never falls by 3 dB.
 
     Raises
     ------
     ValueError
-        For an unstable loop, and for one with T(0) = 0.
+        If the loop is unstable or T(0) = 0.
 
     Examples
     --------
@@ -245,12 +248,13 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     loop : Loop
         The loop.
     quietest : float, optional
-        With dead time, which has infinitely many, those with \\|L\\| below this value are left out.
+        A continuous loop with dead time has infinitely many phase crossovers. Those with \\|L\\| below `quietest` are
+        left out.
 
     Returns
     -------
     ndarray
-        Frequencies in rad per time unit. If L is real everywhere, there are none.
+        Frequencies in rad per time unit. If L is real at all frequencies, there are no crossovers.
 
     Examples
     --------
@@ -265,9 +269,9 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
 def margins(loop: Loop) -> Margins:
     """Return gain, phase and delay margin, peaks of S and T, and all crossovers, with exact dead time.
 
-    For a loop with a `DigitalController` they are computed at the samples, with the plant discretised exactly, up to
-    half the sampling frequency. Compared with those of the continuous loop they show how sampling reduces robustness.
-    `dm` over the sample time is the delay margin in samples.
+    For a loop with a `DigitalController`, all values are computed at the samples, up to half the sampling frequency,
+    with the plant discretised exactly. Compare them with the margins of the continuous loop to see how sampling reduces
+    robustness. `dm` divided by the sample time is the delay margin in samples.
 
     Parameters
     ----------
@@ -277,8 +281,8 @@ def margins(loop: Loop) -> Margins:
     Returns
     -------
     Margins
-        Values accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False, and the
-        values are distances from the stability limit.
+        Values are accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False, and
+        the values are distances from the stability limit.
 
     Raises
     ------
@@ -323,7 +327,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers, the same with both ends of the axis, and |L| there, 0 where L is positive."""
+    """Return phase crossovers, the same places with both ends of the axis, and -L at these places, at least 0."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -336,7 +340,7 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
         if not unstable:
             raise
         return np.zeros(0), np.zeros(1), np.full(1, math.nan)
-    # L is real at the ends of the axis. Where it is negative, they are phase crossovers, too.
+    # L is real at the ends of the axis. An end where L is negative is a phase crossover, too.
     places = np.concatenate([[0.0], wpc, [axis.end]])
     return wpc, places, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])
 
@@ -347,19 +351,20 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
 def gain_for_ms(loop: Loop, ms: float) -> float:
     r"""Return the factor of the controller's gain with which the loop is stable and has the maximum sensitivity `ms`.
 
-    If there are several, it is the largest at which Ms is reached from below.
+    If there are several such factors, return the largest at which Ms is reached from below.
 
     Parameters
     ----------
     loop : Loop
-        The loop, stable or not, with its output filter. The factor multiplies the gain of its controller.
+        The loop, stable or not. The output filter, if any, is kept.
     ms : float
         Required maximum sensitivity, above 1.
 
     Returns
     -------
     float
-        k, above 0: ``Loop(process, k * controller, output_filter)`` has ``max_sensitivity(...)[0] == ms``.
+        Factor k, above 0. The function `max_sensitivity` returns `ms` for ``Loop(process, k * controller,
+        output_filter)``.
 
     Raises
     ------
@@ -386,10 +391,10 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     def stable(k: float) -> bool:
         try:
             return count_unstable(axis.scaled(k)) == 0
-        except ArithmeticError:  # The phase turns too often to follow, so the loop is far from stable.
+        except ArithmeticError:  # If the phase turns too often, the loop is far from stable.
             return False
 
-    # L is real at the ends of the axis, and not 0 at infinity if process and controller are biproper.
+    # L is real at the ends of the axis. It is not 0 at infinite frequency if process and controller are biproper.
     ends = [L for L in (axis.at_zero, axis.at_end) if math.isfinite(L)]
     w = axis.follow(QUIETEST_GIVEN)
     w = w[w <= FAR_SHARE * w[-1]]
@@ -411,9 +416,10 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
 
 
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
-    r"""Return the factors k, largest first, above which :math:`|1 + k L| \ge 1/M_s` is violated at one frequency.
+    r"""Return the factors k, largest first, above which :math:`|1 + k L| \ge 1/M_s` is violated at some frequency.
 
-    At each frequency it is violated between the roots of :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
+    At each frequency, the condition is violated for k between the two roots of
+    :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
     """
     size = np.abs(unit) ** 2
     root = unit.real**2 - size * (1 - 1 / ms**2)
@@ -422,6 +428,6 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # If an interval begins above the end of all earlier ones, there is a gap of allowed factors below it.
+    # If an interval begins above the ends of all earlier intervals, factors just below it are allowed.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()

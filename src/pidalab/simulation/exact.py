@@ -1,9 +1,10 @@
 r"""Exact simulation of linear loops with dead time.
 
-Opened at its dead time h, the loop is x' = A x + b w with w(t) = v(t - h). There is one delayed channel, or three with
-a filter that is much faster than the plant; then matrices replace b, c_v and d_v. Stack the state with its own past,
-(x(t), x(t - h), x(t - 2h), ...). Between multiples of h this stack obeys an ordinary linear differential equation whose
-matrix is block Toeplitz, that is, a polynomial in the shift z = e^{-hs}:
+If the loop is opened at its dead time h, its equations are x' = A x + b w, v = c_v x + d_v w and w(t) = v(t - h).
+Usually one signal is delayed. With a filter that is very much faster than the plant there are three delayed signals,
+and matrices replace b, c_v and d_v. Stack the state with its own past, (x(t), x(t - h), x(t - 2h), ...). Between
+multiples of h this stack obeys an ordinary linear differential equation. The matrix of this equation is block Toeplitz,
+that is, a power series in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
@@ -11,11 +12,12 @@ So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi
 without any approximation as long as no multiple of h lies strictly between t and t + tau. The simulation has four
 steps:
 
-1. compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring (without the 1, so that slow
-   states keep their digits next to fast ones);
-2. compute the states at the multiples of h, one after the other;
-3. advance each stack to the first requested time in its interval, by powers and a Taylor series for the remainder;
-4. compute all other requested times as matrix products: rows for a run of times, applied to stacks.
+1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring. The unit matrix is left out,
+   so that slow states keep their digits next to fast states.
+2. Compute the states at the multiples of h, one after the other.
+3. Advance the stack at each multiple to the first requested time after the multiple, by powers and by a Taylor series
+   for the remainder.
+4. Compute the outputs at runs of requested times as products of a stack and a matrix.
 """
 
 from __future__ import annotations
@@ -38,23 +40,26 @@ from pidalab.signals import REFINEMENT, apply_to_finer
 from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
 from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
-# Digits may cancel where a dead time, or t, spans more than this many time constants of the fastest state.
+# A response is checked if the dead time, or t without dead time, spans more than this number of time constants of the
+# fastest state, since digits may then cancel.
 CHECKED_FROM = 3e3
-# Units of time and u for the second response, and for further ones if the first two do not decide.
+# Units of time and u for the second response. The other units are used if the first two responses do not decide.
 OTHER_UNITS = (1.3, 0.6, 2.2)
-FEWEST_COMPARED = 64  # times at which two responses are compared
-DENSE = 10_000  # times at which the size of a response is computed before it is refused
-# Allowed difference, relative to the largest value of a signal. Nine digits are promised.
+FEWEST_COMPARED = 64  # least number of time steps for which two responses are compared
+DENSE = 10_000  # before a response is refused, its size is computed at this number of times or more
+# Allowed difference of two responses, relative to the largest value of the signal. Nine digits are promised.
 AGREEMENT = 1e-10
-# Two responses whose difference is smaller are enough, since equal errors are unlikely.
+# If the difference of two responses is smaller, no third response is needed, since equal errors are unlikely.
 CERTAIN = 1e-12
-OUTSIDE_KICKS = 1e-6  # allowed difference relative to values outside kicks, and at requested times
-KICK_DURATION = 60.0  # number of time constants of the fastest state
-# Number of time constants after which a time, rounded to 1e-16, no longer determines its place within a kick.
+# Allowed difference, relative to the largest value outside kicks, or to the largest value at the requested times.
+OUTSIDE_KICKS = 1e-6
+KICK_DURATION = 60.0  # a kick lasts this number of time constants of a fast state
+# Times are rounded to 1e-16. After this number of time constants of the fastest state, a time is too inexact to tell
+# the value within a kick.
 KICK_UNRESOLVED = 1e5
 
 
-# The loops, and the grids on which their responses are known to be exact enough.
+# For each loop, the inputs and grids for which the response has been found exact enough.
 AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary()
 
 
@@ -64,13 +69,13 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     Raises
     ------
     ValueError
-        If too many digits were lost, and as `pidalab.simulation.ladder.responses`.
+        If too many digits were lost, and in all cases in which `pidalab.simulation.ladder.responses` raises an error.
 
     Notes
     -----
-    No bound on the speeds of a loop tells how many digits cancel. A stiff loop is therefore computed again in other
-    units that are not powers of 2. Every coefficient, state and power then rounds differently, and the powers begin at
-    half the time. If both responses agree to ten digits, they have not lost seven of sixteen.
+    The speeds of a loop do not tell how many digits cancel. The response of a stiff loop is therefore computed again in
+    other units that are not powers of 2. Every coefficient, state and power then rounds differently, and the powers
+    begin at half the time. If both responses agree to ten digits, neither has lost seven of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
@@ -90,7 +95,7 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
 
 @lru_cache(maxsize=64)
 def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float, bool]:
-    """Return the cut loop, its norm, and whether digits may cancel."""
+    """Return the cut loop, a bound of its norm, and True if digits may cancel."""
     cut = cut_at_delay(loop, inputs)
     norm = norm_over(cut, n, step)
     # Without dead time the cut loop is closed, and its blocks may be faster than its poles.
@@ -101,11 +106,11 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
 def _require_agreement(
     loop: Loop, inputs: str, cut: Cut, norm: float, values: Array, step: float, finer: int
 ) -> None:
-    """Raise if responses in other units differ. Of the times every `finer`-th is requested."""
+    """Raise an error if responses in other units differ. Every `finer`-th of the times was requested."""
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
-    # Here either all times are requested or all are compared.
+    # If `finer` is 1, all times are requested. Otherwise all times are compared, since `every` is 1.
     shown = _sizes(cut, values[:, :, ::finer], step * finer, every) if finer > 1 else size
     uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:
@@ -121,7 +126,7 @@ def _require_agreement(
         beside_shown = np.maximum(beside_shown, np.max(difference[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    # The digits may be enough only relative to larger values between the requested times.
+    # The digits may be sufficient only in comparison with larger values between the requested times.
     hidden = uncertain.max() <= AGREEMENT
     share, allowed = (beside_shown, OUTSIDE_KICKS) if hidden else (uncertain, AGREEMENT)
     if share.max() <= allowed:
@@ -132,7 +137,7 @@ def _require_agreement(
         fastest = 1 / np.max(_speeds(cut))
         remedy = (
             f"the fastest filter or lag of the loop has a time constant of {fastest:.3g}, too short for the others; "
-            "take a longer one, or leave it out"
+            "take a longer time constant, or leave the filter or lag out"
         )
     _, signal = np.unravel_index(np.argmax(share), share.shape)
     raise ValueError(
@@ -142,7 +147,7 @@ def _require_agreement(
 
 
 def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -> Array:
-    """Return the responses computed in other units, converted back."""
+    """Compute the responses in other units, and convert them back."""
     cut = cut_at_delay(loop, inputs, unit)
     values = responses(cut, n, step / unit, 2.0 * norm_over(cut, n, step / unit))
     for i, key in enumerate(inputs):
@@ -152,15 +157,15 @@ def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -
 
 
 def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
-    """Return the size that a difference is compared with, for each signal at some of the times: (inputs, 3, times).
+    """Return the sizes with which differences are compared, for every `every`-th time: (inputs, 3, times).
 
     Notes
     -----
-    The size is the largest value up to a dead time later. So a growing response must be exact from the start, and one
-    that begins with zeros need not be exact there. Compared with a kick of 1e13, any error after it would be
-    negligible. Values outside kicks are therefore also compared with each other, to fewer digits. Times within the
-    fastest kick, just after a multiple of the dead time, do not count, since a value there is only as exact as its
-    time.
+    The size at a time is the largest value of the signal until one dead time later. So a growing response must be exact
+    from the start, but a response that begins with zeros need not be exact at the zeros. Compared with a kick of 1e13,
+    any error after the kick would be negligible. Values outside kicks are therefore also compared with the largest
+    value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead time do not count,
+    because a value within a kick is only as exact as its time.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -188,20 +193,20 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     loop : Loop
         The loop, stable or not.
     t : ndarray, shape (n,)
-        Uniform times from 0. Values at a jump are those just after it.
+        Uniform times from 0. At a jump, the value just after the jump is returned.
     inputs : str
-        Which inputs step, one after the other: letters out of "r", "d", "n".
+        Inputs that step, each in a simulation of its own: letters out of "r", "d", "n".
 
     Returns
     -------
     ndarray, shape (len(inputs), 3, n)
-        For each input the three signals.
+        Signals y, running integral of y, and u, for each input.
 
     Raises
     ------
     ValueError
-        For an ill-posed loop, an unstable loop whose response overflows, and a loop with \\|L\\| near 1 or above at
-        infinite frequency over too many dead times, because its response depends on all of them.
+        If the loop is ill-posed, if the response of an unstable loop overflows, or if a loop with \\|L\\| near 1 or
+        above at infinite frequency is simulated over too many dead times, because its response depends on all of them.
 
     Examples
     --------
@@ -238,13 +243,13 @@ def simulate(
     Returns
     -------
     Response
-        Signals at the times t; at a jump the value just after it.
+        Signals at the times t. At a jump, the value just after the jump is returned.
 
     Raises
     ------
     ValueError
-        For times that are not uniform from 0, signals of another length or with NaN, an ill-posed loop, and a control
-        signal beyond the controller's limits, since this engine has no saturation.
+        If the times are not uniform from 0, a signal has another length or contains NaN, the loop is ill-posed, or the
+        control signal exceeds the limits of the controller, since saturation is not simulated here.
 
     Examples
     --------
@@ -262,7 +267,7 @@ def simulate(
 def simulate_ensemble(
     loop: Loop, t: ArrayLike, noise: ArrayLike, *, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
 ) -> list[Response]:
-    """Simulate the same experiment under several records of noise, hardly slower than one.
+    """Simulate an experiment with several records of noise, in little more time than with one record.
 
     Parameters
     ----------
@@ -278,7 +283,7 @@ def simulate_ensemble(
     Returns
     -------
     list of Response
-        One for each row.
+        One response for each row of `noise`.
 
     Raises
     ------
@@ -305,7 +310,7 @@ def simulate_ensemble(
 
 
 def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> list[Response]:
-    """Simulate set point and load under each record of noise. The arrays have been checked."""
+    """Simulate set point and load with each record of noise. The arrays must have been checked."""
     require_loop(loop)
     noisy = any(_acts(record) for record in records)
     driven = "r" * _acts(r) + "d" * _acts(d) + "n" * noisy
@@ -318,7 +323,7 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
     for n in records:
         quiet = not (noisy and _acts(n))
         y, area, u = common if quiet else common + _superpose(unit[-1], n, t)
-        # Noise is defined by its samples, so it has no finer grid.
+        # Noise is defined only at its samples, so a response with noise is not repeated on a finer grid.
         finer = partial(_respond_finer, loop, t, r, d) if quiet else None
         speed = partial(fastest_pole, loop) if quiet else None
         responses.append(Response._of_engine(finer, speed, t=t, r=r, d=d, n=n, y=y, u=u, area=area))
@@ -327,7 +332,7 @@ def respond(loop: Loop, t: Array, r: Array, d: Array, records: list[Array]) -> l
 
 
 def _acts(signal: Array) -> bool:
-    """Return True if a held signal is not 0 throughout."""
+    """Return True if a held signal differs from 0 at any time."""
     return bool(signal[0]) if signal.strides == (0,) else bool(signal.any())
 
 
@@ -350,8 +355,8 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve
 
-    # FFT convolution rounds relative to its largest value. A growing response is damped before and restored afterwards,
-    # so that rounding is relative to the largest value up to each time.
+    # The rounding errors of an FFT convolution are relative to its largest value. A growing response is damped before
+    # the convolution and restored afterwards, so that they are relative to the largest value up to each time.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
     middle = (t.size - 1) // 2
     rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
@@ -436,7 +441,7 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        Output y and input u = 1. For a stable process `final` is the static gain.
+        Output y and input u = 1. For a stable process, `final` is the static gain.
 
     Examples
     --------
@@ -453,13 +458,13 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
 
 
 def _as_input(final: float | None, record: Response) -> Response:
-    """Return a load response as one to the input of the process."""
+    """Convert a response to a load step to a response to the process input."""
     finer = partial(apply_to_finer, record, partial(_as_input, final))
     return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)
 
 
 SETTLING_POINTS = 4001
-HORIZON_DOUBLINGS = 13  # a loop that is ten thousand times slower than expected still settles
+HORIZON_DOUBLINGS = 13  # so a loop that is ten thousand times slower than expected still settles
 
 
 def simulate_until_settled(
@@ -474,8 +479,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        First end of the simulation, above 0. It is doubled until the error has decayed. Ends below twice the dead time
-        are skipped, since the loop has not reacted there.
+        End of the first simulation, above 0. The end is doubled until the error has decayed. Ends up to twice the dead
+        time are skipped, since the loop has not reacted by then.
 
     Returns
     -------
@@ -485,7 +490,7 @@ def simulate_until_settled(
     Raises
     ------
     ValueError
-        For a horizon that is not above 0, a response that does not settle, and one that needs too many dead times.
+        If the horizon is not above 0, or if the response does not settle, or only after too many dead times.
 
     Examples
     --------
@@ -504,7 +509,7 @@ def simulate_until_settled(
             response = simulate(loop, np.linspace(0.0, end, SETTLING_POINTS))
         except ManyDeadTimes:
             raise ValueError(
-                f"the loop needs {end / loop.process.delay:.3g} dead times to settle, too many; leave out the dead time"
+                f"the loop needs {end / loop.process.delay:.3g} dead times to settle, too many; neglect the dead time"
             ) from None
         try:
             response.iae(horizon=math.inf)
@@ -515,7 +520,7 @@ def simulate_until_settled(
 
 
 def load_iae(loop: Loop) -> float:
-    """Return the IAE of a unit step of the load, to infinity.
+    """Return the IAE of the response to a unit step of the load, integrated to infinity.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """State-space form of a loop that is opened at its dead time.
 
-Each block is driven by the ones before it: process, integral of its output, prefilter, controller with output filter. A
-derivative filter that is much faster than the plant would compute s^2 y as a difference of nearly equal states. Its
-states are therefore replaced by their distance from their quasi-steady values under the slow signal. Its output is then
-read from the slow states, by the transfer function of the fast part evaluated at the matrix of the slow states.
+Each block is driven by the preceding blocks. The order is process, integral of the process output, prefilter, and
+controller with output filter. A derivative filter that is much faster than the plant would compute s^2 y as a
+difference of nearly equal states. The states of such a fast part are therefore replaced by their distances from their
+quasi-steady values under the slow signal. The quasi-steady output of the fast part is read from the slow states. It is
+the transfer function of the fast part, evaluated at the matrix of the slow states.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
 
-AGES = 8  # ages of states that a fast part reads; older ones are negligible after as many passes through its filter
+# Number of ages of states that a fast part reads. Older states are negligible after so many passes through its filter.
+AGES = 8
 
 
 def without_slow_parts(
@@ -29,8 +31,8 @@ def without_slow_parts(
 ) -> tuple[Any, Any]:
     """Return numerator and poles of two fractions in series without their slow parts.
 
-    The division by the slow poles begins at the highest power, where the fast terms are, so that no small difference of
-    large numbers is formed.
+    The numerator without the slow parts is divided by the slow poles. The division begins at the highest power, which
+    belongs to the fast terms, so that no small difference of large numbers is formed.
     """
     num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
     poles = np.concatenate([part.poles for part in fast])
@@ -54,7 +56,7 @@ def without_slow_parts(
 
 
 def times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
-    """Return row @ H(matrix) for a fraction H, by Horner's rule and by its poles one by one."""
+    """Return row @ H(matrix) for a fraction H, by Horner's rule for the numerator and one solution for each pole."""
     value = np.zeros(row.size, dtype=complex)
     for coefficient in num:
         value = value @ matrix + coefficient * row
@@ -71,9 +73,10 @@ def times_ring_function(
     poles: Any,
     dead_time: bool,
 ) -> Array:
-    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age: the output of a much faster block for a signal.
+    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age.
 
-    As `times_function`, for the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop with its past.
+    This is the output of a block H that is much faster than its input, the signal row x + direct W. It is computed as
+    in `times_function`, with the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop and its past.
     """
     A, B, Cv, D = delayed
     if not dead_time:
@@ -105,16 +108,18 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
     return np.array(read)
 
 
-# A part of the controller is decoupled if its slowest pole is FASTER times as fast as all states that drive it and the
-# loop gain there is below HIGH_GAIN, since for a much faster loop the plant is a chain of integrators. With FASTER =
-# 100, u after a step of the load had errors of up to 5e-8 of its largest value, because the kick of a filter 50 times
-# faster than its plant, 1e5 times y, was a difference of nearly equal states.
+# A part of the controller is decoupled if two conditions hold. Its slowest pole is more than FASTER times as fast as
+# the fastest state that drives the part. The loop gain at the speed of this state is below HIGH_GAIN, since the plant
+# acts as a chain of integrators in a much faster loop. With FASTER = 100, a filter 50 times faster than its plant would
+# not be decoupled. Its kick of 1e5 times y would be a difference of nearly equal states. Then u after a step of the
+# load had errors of up to 5e-8 of its largest value.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# If a part that is faster by STIFF is kept out of the process, less fast parts are treated as slow.
+# Parts that are faster by the factor STIFF may be kept out of the process. All other parts then count as slow.
 STIFF = 100.0
-# Beyond this factor u is read from the past and present states that drive a settled fast part, and no longer from the
-# states of that part, whose rounding grows with the factor. The effect of the fast part on the process is neglected,
-# since it decreases with the square of the factor.
+# A part that is faster by VERY_STIFF is kept out of the process if its kicks change the process output by less than
+# SENDS_LITTLE. After such a part has settled, u is read from the past and present states that drive the part, because
+# the rounding of the states of the part grows with the factor. The effect of the fast states on the process is then
+# neglected, since it decreases with the square of the factor.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
 # Number of time constants after which a mode is negligible, even if it began as 1e7 times u.
@@ -124,7 +129,8 @@ FADED_AWAY = 60.0
 class Cut(NamedTuple):
     """The loop opened at the dead time, driven by w(t) = v(t - delay), the delayed process input.
 
-    x' = A x + b w,  v = c_v x + d_v w,  outputs = C x + d w, from x(0) = x0. The step inputs are states, too.
+    The equations are x' = A x + B w, v = Cv x + D w and outputs = C x + direct w, with x(0) = x0. Each step input is a
+    constant state.
     """
 
     A: Array  # (n, n)
@@ -135,9 +141,10 @@ class Cut(NamedTuple):
     direct: Array  # (3, channels)
     x0: Array  # (n, inputs), the state just after a unit step on each input
     delay: float
-    # (ages, n), rows by which u reads x(t), x(t - delay), ... after its fast part has settled; may have no ages
+    # (ages, n), rows by which u reads x(t), x(t - delay), ... after the fast part of u has settled. There are no rows
+    # if no fast part is kept out of the process.
     settled_u: Array
-    settling: float  # time after a multiple of the delay until that part has settled
+    settling: float  # time after a multiple of the delay in which the fast part settles
 
 
 class _Blocks(NamedTuple):
@@ -148,15 +155,16 @@ class _Blocks(NamedTuple):
     delay: float
 
 
-# Channels of the dead time. The first is the process input without the fast parts of the controller. If there are such
-# parts, the second is the error that drives them, and the third is their contribution to the process output.
+# Channels of the dead time. The first is the process input. If fast parts of the controller are kept out of the
+# process, the first channel lacks their contribution, the second is the error that drives the fast parts, and the third
+# is their contribution to the process output.
 INPUT, ERROR, RUSH = range(3)
 
 
 class _States:
     """States x of the cut loop, block by block: x' = A x + B W, with the signals W at the end of the dead time.
 
-    A signal of the loop is a row, its coefficients of x and W.
+    A signal of the loop is a row of coefficients of x and W.
     """
 
     def __init__(self, size: int, inputs: int, channels: int) -> None:
@@ -166,7 +174,7 @@ class _States:
         self.used = inputs
 
     def signal(self, place: int) -> Array:
-        """Return the signal at a place of x and W, or 0 for the place -1."""
+        """Return the signal at one place of x and W. For the place -1 return the signal 0."""
         row = np.zeros(self.moves.shape[1])
         if place >= 0:
             row[place] = 1.0
@@ -185,18 +193,18 @@ class _States:
         return row
 
     def append_decoupled(self, part: Part, source: Array, driving: int) -> tuple[slice, Array]:
-        """Append a fast part as the distance of its states from X x, with A X - X A_x = -b row.
+        """Append a fast part by the distances of its states from their quasi-steady values X x.
 
-        The states x are the first `driving` ones, which drive the part. Return the places of the distances, and X. The
-        output of the part is c (X x + distance).
+        The first `driving` states, x, drive the part. Return the places of the distances, and X. The output of the part
+        is c (X x + distance).
 
         Notes
         -----
-        The part is q' = A q + b row x. If A X - X A_x = -b row, the distance q - X x moves by A alone, so that only
-        jumps and the delayed signals drive it. This Sylvester equation is solved here.
+        The part is q' = A q + b row x, and x' = A_x x + delayed signals. If X solves the Sylvester equation
+        A X - X A_x = -b row, the distance q - X x is driven only by jumps and by the delayed signals.
         """
         x, places = slice(driving), slice(self.used, self.used + part.b.size)
-        # A Schur form would lose digits for such different speeds, so this solves one large linear system.
+        # A Schur form would lose digits, because the speeds differ so much. So one large linear system is solved.
         n = part.b.size
         sylvester = np.zeros((driving, n, driving, n))
         for i in range(driving):
@@ -214,14 +222,14 @@ class _States:
 
 @lru_cache(maxsize=64)
 def cut_at_delay(loop: Loop, inputs: str, unit: float = 1.0) -> Cut:
-    """Open the loop at its dead time. `inputs` names the step inputs to keep, out of "r", "d", "n".
+    """Open the loop at its dead time. `inputs` names the step inputs that are kept, out of "r", "d" and "n".
 
     The unit of time of the cut is `unit` times that of the loop, and its u is `unit` times as large.
 
     Raises
     ------
     ValueError
-        For a loop that is ill-posed, and one whose coefficients overflow.
+        If the loop is ill-posed, or if its coefficients overflow.
     """
     require_well_posed(loop)
     return _cut(_in_unit(loop, unit), inputs, unit)
@@ -250,19 +258,20 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
 
     Notes
     -----
-    States are appended in the order in which they drive each other: step inputs, process, integral of y, prefilter,
-    slow parts of the controller, fast parts. Each signal is a row over states and delayed signals, which a block that
-    is appended later can read.
+    States are appended in the order step inputs, process, integral of y, prefilter, slow parts of the controller, fast
+    parts. Each block is driven by the preceding blocks only. Each signal is a row of coefficients of states and delayed
+    signals, and any block that is appended later can read the signal.
 
-    The fast parts of the controller have poles that are much faster than all states that drive them. There are three
+    The poles of a fast part of the controller are much faster than all states that drive the part. There are three
     cases:
 
-    * no fast parts: u is the direct part of the error and the sum of the slow parts;
-    * decoupled: the states of a fast part are their distances from X x, and u reads the slow states by H(A_x), the
-      part's transfer function at their matrix;
-    * kept out of the process: the kicks of a very stiff part, up to 1e8 times their effect on the process output, would
-      cancel there. The dead time then has three channels, and the third carries the quasi-steady effect of the part on
-      the process output.
+    * Without fast parts, u is the sum of the slow parts and of the direct feedthrough times the error.
+    * A fast part is usually decoupled. The states of the part are stored as distances from X x, and u reads the slow
+      states by H(A_x), the transfer function of the fast part evaluated at the matrix of the slow states.
+    * A very stiff part is kept out of the process. The kicks of such a part are up to 1e8 times as large as their
+      effect on the process output, so that they would cancel in the process. The dead time then has three channels. The
+      second channel drives the process with the quasi-steady effect of the part, and the third adds the effect of the
+      fast states to the process output.
 
     Without dead time the loop is closed at the end: W = Cv x + D W.
     """
@@ -290,20 +299,20 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # The quasi-steady effect of the fast part on the process is its transfer function at the process's matrix.
+        # The quasi-steady effect on the process is the fast transfer function, evaluated at the matrix of the process.
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, states.signal(r), prefilter.d)
     error, driving = filtered - y - states.signal(n), states.used
     u = direct * error
-    if fast:  # the direct effect is read from the slow states, below
+    if fast:  # the direct feedthrough is part of what is read from the slow states below
         u[:size] = 0.0
     for part in parts[:slow]:
         u += states.append_series(part, error)
     rows, A, B, slow_states = np.array([y, area, u]), states.A, states.B, states.used
     if fast:
-        u_row, rush = rows[2, :size], np.zeros(size)  # a view
+        u_row, rush = rows[2, :size], np.zeros(size)  # `u_row` is a view of `rows`
         u_row[:driving] += times_function(error[:driving], A[:driving, :driving], *fast_fraction)
         num, poles = loop.blocks["process"][0] / loop.blocks["process"][1][0], _poles(loop, "process")
         for part in fast:
@@ -342,8 +351,8 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
 def _balanced(cut: Cut) -> Cut:
     """Change the units of the states so that rows and columns of |A| + |B| |Cv| are of similar size.
 
-    The units are powers of 2, so that nothing is rounded. With similar sizes a small share of the largest coefficient
-    is negligible for every state.
+    The units are powers of 2, so that nothing is rounded. With rows and columns of similar size, a coefficient that is
+    a small share of the largest coefficient is negligible for every state.
     """
     scale = dgebal(np.abs(cut.A) + np.abs(cut.B) @ np.abs(cut.Cv), scale=1)[3]
     return cut._replace(
@@ -358,10 +367,10 @@ def _balanced(cut: Cut) -> Cut:
 
 
 def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
-    """Return True if the kicks of fast parts have almost no effect on the output of the process.
+    """Return True if the kicks of very fast parts have almost no effect on the output of the process.
 
-    The height of a kick is the direct part or, behind a filter, the gain of the controller at the speed of the parts.
-    `driving` is the speed of the fastest state that drives them.
+    The height of a kick is the direct feedthrough, or the gain of controller and output filter at the speed of a part
+    if that is larger. `driving` is the speed of the fastest state that drives the parts.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])
@@ -380,7 +389,7 @@ def _poles(loop: _Blocks, block: str) -> Array:
 
 
 def _value(polynomial: Array, s: complex) -> Any:
-    """Return the value of a polynomial. For a single s Python is faster than array operations."""
+    """Return the value of a polynomial. For a single s, plain Python is faster than array operations."""
     value = 0j
     for coefficient in polynomial.tolist():
         value = value * s + coefficient
