@@ -10,7 +10,6 @@ from pidalab import Record, lags
 from pidalab._text import KINDS
 from pidalab.comparison.judging import DesignRow
 from pidalab.plant.fitting import fit
-from pidalab.plant.noise_curves import TradeOff, TradeOffPoint
 from pidalab.plant.reporting import REPORT_COLUMNS, Report
 from pidalab.style import LOOKS, STYLE
 
@@ -188,40 +187,6 @@ def test_figure_names_several_kinds(found):
     assert report_of(found.rows[0]).plot().legends == []
     with pytest.raises(ValueError, match="nothing to draw"):
         report_of(DesignRow("simc", "PI", reason="no")).plot()
-
-
-POINTS = tuple(
-    TradeOffPoint(kind, ms, noise, base / noise / ms, None)
-    for ms in (1.4, 2.0)
-    for kind, base in (("PI", 9.0), ("PID", 5.0))
-    for noise in (1.0, 2.0, 4.0)
-)
-RULES = (  # the limits of Ms are 1.4 and 2
-    DesignRow("first", "PI", iae_load=7.0, ms=1.3, relative_noise=1.5),
-    DesignRow("first", "PID", iae_load=6.0, ms=1.401, relative_noise=2.5),  # within a thousandth of the limit
-    DesignRow("second", "PI", iae_load=5.0, ms=1.41, relative_noise=3.5),
-    DesignRow("second", "PID", iae_load=4.0, ms=2.01, relative_noise=4.5),  # beyond both
-    DesignRow("third", "PI", iae_load=3.0, ms=1.3),  # without noise gain
-    DesignRow("third", "PID", reason="refused"),
-)
-
-
-def test_trade_off_has_each_rule_in_the_panel_of_the_least_limit_that_it_keeps():
-    figure = TradeOff(THIRD, POINTS, RULES).plot()
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["PI", "PID", "first", "second", "third"]
-    first, second, third = (x.get_marker() for x in legend.get_lines() if x.get_marker() != "None")
-    assert len({first, second, third}) == 3
-    rules = {1.4: [("PI", 1.5, 7.0, first), ("PID", 2.5, 6.0, first)], 2.0: [("PI", 3.5, 5.0, second)]}
-    for ax, ms in zip(figure.axes, (1.4, 2.0), strict=True):
-        assert ax.get_title(loc="left") == f"Ms at most {ms:g}"
-        curves = [line for line in ax.get_lines() if line.get_marker() == "None"]
-        for line, kind in zip(curves, ("PI", "PID"), strict=True):
-            assert kind_of(line) == line.get_label() == kind
-            expected = [point[2:4] for point in POINTS if point[:2] == (kind, ms)]
-            np.testing.assert_allclose(np.transpose(line.get_data()), expected)
-        marks = [line for line in ax.get_lines() if line.get_marker() != "None"]
-        assert [(kind_of(x), *x.get_xdata(), *x.get_ydata(), x.get_marker()) for x in marks] == rules[ms]
 
 
 def test_verdict_and_table_have_the_numbers_of_the_rows(found):
