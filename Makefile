@@ -63,7 +63,7 @@ lint: $(DEV)  ## check style and types
 
 bench: $(DEV) $(SITE)  ## measure times and errors of this and other libraries, and update the pages that show them (20 minutes)
 	$(BIN)/python -m benchmarks.run
-	$(BIN)/python tools/notebooks.py $(patsubst %,book/%.ipynb,speed/how-fast audit/huba2018 audit/huba2024-portrait)
+	$(BIN)/python tools/notebooks.py book/speed/how-fast.ipynb
 
 study: $(DEV)  ## run studies/NAME.py, which writes a table to book/data (minutes to hours)
 	$(BIN)/python studies/$(NAME).py

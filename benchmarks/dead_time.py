@@ -20,7 +20,7 @@ from benchmarks.measure import case_loop, duration, error, limit, median_time, o
 LOOPS = [(1, 2, 0.005), (2, 4, 0.2), (4, 6, 0.5), (2, 3, 0.02)]  # m, n, T_e; the last one is unstable
 HORIZON = 20.0  # in dead times; the unstable response stays below 1e8
 CAP = 30  # seconds of CPU time for one row
-RESULTS = "engine_comparison"  # in book/data
+RESULTS = "engine_comparison"  # name of the table in book/data
 COLUMNS = (
     "m",
     "n",

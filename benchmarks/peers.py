@@ -157,9 +157,9 @@ def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Arr
 def _march(
     equation: DelayEquation, R: Array, shares: Array, constant: Array, each: int, points: int
 ) -> Array:
-    """Go through all steps x -> R x + shares of the past at start, middle and end + constant; return y."""
+    """Go through all steps x -> R x + shares of the past at start, middle and end + constant. Return y."""
     A, b, e, c_v, c_y, delay = equation
-    slope = (c_v @ A, c_v @ b, c_v @ e)  # of v, for the interpolant
+    slope = (c_v @ A, c_v @ b, c_v @ e)  # slope of v, for the interpolant
     return march(R, shares, constant, c_v, c_y, slope, delay / each, each, points)
 
 

@@ -27,7 +27,7 @@ LOOP = Loop(
     pidalab.ipdt(1.0, delay=1.0), SeriesPIDA(**AROUND, filter_time=0.2, filter_order=4, limits=LIMITS)
 )
 T = 0.001 * np.arange(60_000)
-RESULTS = "portrait_comparison"  # in book/data
+RESULTS = "portrait_comparison"  # name of the table in book/data
 COLUMNS = ("method", "sets", "seconds", "cpu_seconds", "seconds_for_all", "ratio", "iae_difference")
 
 

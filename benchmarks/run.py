@@ -18,7 +18,7 @@ from benchmarks import dead_time, loops, portraits
 from benchmarks.measure import median_time, write
 from studies.optimal_check import BANDS, HIGH, LOW, MEMBERS, MS, PLANTS, Judge
 
-RESULTS = "speed_comparison"  # in book/data
+RESULTS = "speed_comparison"  # name of the table in book/data
 
 
 # The optimal controller is compared with SciPy's differential evolution on the same problem, which evaluates
@@ -45,7 +45,7 @@ def evolution(judge: Judge, goal: float) -> tuple[float, float]:
 
     with warnings.catch_warnings(
         action="ignore", category=UserWarning
-    ):  # where no member keeps the limits yet
+    ):  # warns if no member keeps the limits yet
         differential_evolution(
             judge.error, bounds, constraints=kept, popsize=MEMBERS, maxiter=10**6, init="sobol",
             polish=False, tol=0.0, rng=SEED, callback=done,

@@ -1,4 +1,4 @@
-"""When pytest runs the notebooks, they wait for machine code, and figures are compared by what they draw."""
+"""Settings for pytest on notebooks: wait for compiled code, and compare figures by their content."""
 
 import os
 import sys
@@ -9,7 +9,7 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "outputs"))
 
 
 def pytest_configure(config):
-    """Compare outputs in our way."""
+    """Compare outputs by our comparison."""
     if config.getoption("nbval"):
         os.environ.setdefault("PIDALAB_COMPILE", "1")
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

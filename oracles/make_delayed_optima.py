@@ -1,7 +1,7 @@
 """Make delayed_optima.json: PID and PIDA with the least IAE of plants with dead time, under limits of Ms and Mks.
 
-The loop is that of make_limited_optima.py with a dead time L: y after a step of the load is no finite sum of
-exponentials any more, so IAE comes from a method of steps in double precision, and not from closed forms.
+The loop is that of make_limited_optima.py with a dead time L. Then y after a step of the load is not a finite sum of
+exponentials, so IAE comes from a method of steps in double precision instead of closed forms.
 
 How the values are made.  At an optimum the slopes of IAE by gains and filter time T are a sum of those of the limits
 that are reached, each times a multiplier; |S| or |C S| has its peak there. Newton's method solves these equations.
@@ -19,7 +19,7 @@ Why they can be trusted.
     gains and T to 1e-9.
   * The multipliers are positive: with more room on any limit IAE falls. `prices` says by which share for a share.
   * Of 1000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
-That there is no better optimum elsewhere is not proved: it would be found by the program under test, and fail the test.
+It is not proved that there is no better optimum elsewhere. If the program under test found one, the test would fail.
 The script fails if one of these checks fails.  Run: python oracles/make_delayed_optima.py
 """
 
@@ -38,12 +38,12 @@ from scipy.optimize import brentq
 DIGITS, PRECISION = 10, 60
 SHARE, TERMS = 6.0, 44  # step of the series over the filter time at most, and how many terms it has
 LONGEST, FADED = 400.0, 1e-13  # time that is followed at most; share of the largest value that counts no more
-AGREE, ROUGH = 1e-10, 1e-6  # of everything with half the step; of a slope and of a difference
+AGREE, ROUGH = 1e-10, 1e-6  # agreement of all values with half the step, and of a slope with a difference
 AROUND, NEAREST, FARTHEST, ROOM = 1000, 1e-4, 0.2, 1e-5
 
 
 class Late(Problem):
-    """A plant with dead time; its response by a method of steps."""
+    """Plant with dead time, with its response by a method of steps."""
 
     def __init__(self, case):
         super().__init__(case)
@@ -138,7 +138,7 @@ class Late(Problem):
 
 
 class Equations:
-    """What holds at an optimum, for unknowns, frequencies of the peaks and multipliers in one vector."""
+    """Optimality conditions, for unknowns, frequencies of the peaks and multipliers in one vector."""
 
     def __init__(self, problem, peaks):
         self.problem, self.peaks, self.size = problem, peaks, problem.size

@@ -1,7 +1,7 @@
 """Make limited_optima.json: PI, PID and PIDA with the least IAE under limits of Ms and Mks, to 30 digits.
 
-The loop has no dead time: then y after a step of the load is a sum of exponentials, and IAE a sum over its zeros. The
-controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1); T is an unknown too, or given where the search of the
+The loop has no dead time, so that y after a step of the load is a sum of exponentials, and IAE a sum over its zeros.
+The controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1). T is unknown, too, or given if the search of the
 library is at its shortest filter.
 
 How the values are made.  At an optimum the slopes of IAE by gains and T are a sum of those of the limits that are
@@ -15,7 +15,7 @@ Why they can be trusted.
   * The multipliers are positive: with more room on any limit IAE falls.
   * IAE and its slopes agree with a sum over samples and with differences of IAE.
   * Of 4000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
-That there is no better optimum elsewhere is not proved: it would be found by the program under test, and fail the test.
+It is not proved that there is no better optimum elsewhere. If the program under test found one, the test would fail.
 The script fails if one of these checks fails.  Run: python oracles/make_limited_optima.py
 """
 
@@ -90,7 +90,7 @@ class Problem:
         first = slope(den)
         size = [polyval(num, p) / polyval(first, p) for p in poles]
         areas = [r / p for r, p in zip(size, poles, strict=True)]
-        moves = []  # of poles and areas by the unknowns
+        moves = []  # slopes of poles and areas by the unknowns
         for by_num, by_den in slopes:
             way = [-polyval(by_den, p) / polyval(first, p) for p in poles]
             other = []
@@ -101,7 +101,7 @@ class Problem:
             moves.append((way, other))
         ends = [mpf(0), *zeros(poles, size)]
         value, by_x, sign = mpf(0), [mpf(0)] * self.size, 0
-        for i, t in enumerate(ends):  # from one zero to the next
+        for i, t in enumerate(ends):  # the interval from one zero to the next
             waves = [exp(p * t) for p in poles]
             area = sum(k * e for k, e in zip(areas, waves, strict=True)).real
             after = sum(

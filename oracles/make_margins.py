@@ -9,10 +9,10 @@ with polynomials a, b, c whose coefficients are exact:
     circle criterion    zeros of the slope of Re L
 
 How the values are made.  All zeros between 0 and a frequency W are isolated (quasipolynomials.py) and found by Newton's
-method with 90 digits; W is such that nothing beyond it counts.  Margins are the least or largest of the candidates.
-Whether the loop is stable is told by the method of Walton and Marshall: the unstable poles without dead time are
-counted, and with the dead time growing from 0 to L poles cross the axis at gain crossovers only, at known dead times,
-in a direction that is the sign of the slope of |D|^2 - |N|^2.
+method with 90 digits. W is so large that higher frequencies have no effect.  Margins are the least or largest of the
+candidates. The method of Walton and Marshall decides stability. It counts the unstable poles without dead time. While
+the dead time grows from 0 to L, poles cross the axis only at gain crossovers, at known dead times, in a direction given
+by the sign of the slope of |D|^2 - |N|^2.
 
 Why they can be trusted.
   * No grid, no phase that is followed along one, no argument principle, no minimiser: nothing is shared with the
@@ -63,14 +63,14 @@ class AxisFunctions:
         self.num, self.den = poly(gn, self.c_num), poly(gd, self.c_den)
         self.delay = case["delay"]
         (nr, ni), (dr, di) = on_axis(self.num), on_axis(self.den)
-        real = add(poly(nr, dr), poly(ni, di))  # of N D*, without the dead time
+        real = add(poly(nr, dr), poly(ni, di))  # real part of N D*, without the dead time
         imaginary = add(poly(ni, dr), scaled(poly(nr, di), -1))
         self.nn, self.dd = squared(self.num), squared(self.den)
         self.real = Quasi([0], real, imaginary, self.delay)
         self.imaginary = Quasi([0], imaginary, scaled(real, -1), self.delay)
         self.below = Quasi(add(self.nn, self.dd), [0], [0], self.delay) + self.real * [2]
         self.flat_exact = self.num[-1] / self.den[-1] if len(self.num) == len(self.den) else self.num[0] * 0
-        self.flat = number(self.flat_exact)  # at infinite frequency, without the dead time
+        self.flat = number(self.flat_exact)  # L at infinite frequency, without the dead time
 
     def L(self, w, factor=1, extra=0):
         late = exp(-(number(self.real.delay) + extra) * mpc(0, w))

@@ -1,8 +1,8 @@
 """Make optima.json: the largest integral gain of a PI controller under a limit of Ms, to 30 digits.
 
-After a step of the load |IE| = 1/ki, and IAE is never less than |IE|. So no PI controller that keeps the limit has an
-IAE below 1/ki of the largest ki that keeps it; and one that comes up to this bound is the optimum, in all valleys.
-The controller is (kp + ki/s)/(T s + 1); T is given: the shortest filter that the search of the library allows.
+After a step of the load |IE| = 1/ki, and IAE is never less than |IE|. So no PI controller within the limit has an IAE
+below 1/ki of the largest allowed ki. A controller that attains this bound is the global optimum.
+The controller is (kp + ki/s)/(T s + 1) with a given T, the shortest filter that the search of the library allows.
 
 How the values are made.  At the largest ki one frequency touches the limit: |1 + L| = 1/Ms, and its slopes by frequency
 and by kp are 0. Newton's method solves the three equations with 60 digits.

@@ -4,8 +4,8 @@ An integrator with dead time under the controller of huba2024, Fig. 1: binomial 
 states, saturation, and positive feedback of the saturated signal through a lag. An adaptive Runge-Kutta method of
 order 8 goes from break to break: the multiples of the dead time, the instants at which the saturation begins or ends,
 and those instants one dead time later. In between all is smooth, and the past comes from the dense output. Nothing is
-shared with the program under test, which is sampled. Everything is done twice, with other steps and tolerances, and the
-script fails if the two differ by more than 1e-8. Run: python oracles/make_reset_loops.py
+shared with the program under test, which is sampled. Everything is computed twice, with different steps and tolerances,
+and the script fails if the results differ by more than 1e-8. Run: python oracles/make_reset_loops.py
 """
 
 import json
@@ -19,7 +19,7 @@ END, EVERY, AGREEMENT = 30.0, 0.5, 1e-8
 
 
 class Run:
-    """One integration; the state is filter, reset, prefilter, output."""
+    """An integration. The state consists of filter, reset, prefilter, output."""
 
     def __init__(self, case, largest_step, tolerance):
         self.case, self.own = case, case["controller"]
@@ -59,7 +59,9 @@ class Run:
         for i in range(n):
             out[i] = ((error if i == 0 else x[i - 1]) - x[i]) / own["filter_time"]
         out[n] = (self.control(x) - x[n]) / own["ti"]
-        if self.q:  # from the highest derivative down; the last state is the filter's output
+        if (
+            self.q
+        ):  # The states begin at the highest derivative, and the last one is the output of the filter.
             den = case["prefilter"]
             f = x[n + 1 : n + 1 + self.q]
             out[n + 2 : n + 1 + self.q] = f[:-1]

@@ -34,7 +34,7 @@ from problems import add, poly, store
 from quasipolynomials import Quasi, add as ascending_sum, slope
 
 PRECISION = 130
-NODES = 400  # of the circles
+NODES = 400  # number of nodes of a circle
 
 
 def terms(kind, own):

@@ -9,7 +9,7 @@ from fractions import Fraction
 from mpmath import cos, fabs, mpf, sin
 from problems import poly
 
-TERMS = 40  # of the power series at 0, beyond the degree of the polynomials
+TERMS = 40  # terms of the power series at 0 beyond the degree of the polynomials
 
 
 def exact(polynomial):

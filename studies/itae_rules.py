@@ -1,7 +1,7 @@
 """Evaluate the rules for second-order models over their range: book/data/itae_rules.csv.
 
 Ms on a grid of models, and every rule on the models whose optimum is known: ITAE over the least ITAE, Ms, overshoot in
-per cent and u(0+) of a set-point step. The rules and the measures are those of book/papers/heo2023.py; the audit of
+per cent and u(0+) of a set-point step. The rules and the measures are those of book/papers/heo2023.py. The audit of
 heo2023 computes a tenth of the rows again at each run. A minute on one core::
 
     python studies/itae_rules.py

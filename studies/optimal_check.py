@@ -32,15 +32,15 @@ from pidalab import HighOrderPID, Loop, Process
 RESULTS = Path(__file__).parents[1] / "book" / "data" / "optimal_check.csv"
 COLUMNS = ("plant", "order", "ms", "mks", "iae", "iae_second", "ratio", "bands", "evaluations")
 ORDER, MS = 2, 1.4
-BANDS = np.log([0.002, 0.01, 0.03, 0.08, 0.2, 0.6])  # of filter times, in units of the process
+BANDS = np.log([0.002, 0.01, 0.03, 0.08, 0.2, 0.6])  # bands of filter times, in units of the process
 LOW, HIGH = (
     np.log([0.005, 0.02, 1e-3, 1e-5]),
     np.log([5.0, 20.0, 10.0, 5.0]),
 )  # gains, in units of the process
-MEMBERS, GENERATIONS = 8, 40  # of the differential evolution in each band, members per unknown
+MEMBERS, GENERATIONS = 8, 40  # members per unknown and generations of the differential evolution in each band
 SIMPLEX = 600  # evaluations of the refinement, from the best of each band
 PENALTY = 100.0  # for a violated limit, as a share of the IAE
-PLANTS: dict[str, tuple[Process, float]] = {  # with the limit of |C S|
+PLANTS: dict[str, tuple[Process, float]] = {  # each with its limit of |C S|
     "lags2": (pidalab.lags(2, delay=0.5), 20.0),
     "lags3": (pidalab.lags(3, delay=1.0), 20.0),
     "lags3_quiet": (pidalab.lags(3, delay=1.0), 5.0),
@@ -94,7 +94,7 @@ class Judge:
 
     @staticmethod
     def stable(loop: Loop) -> bool:
-        """Return True if a loop is stable; one whose phase turns too often to be followed counts as unstable."""
+        """Return True if a loop is stable. One whose phase turns too often to be followed counts as unstable."""
         try:
             return pidalab.is_stable(loop)
         except ArithmeticError:

@@ -1,4 +1,4 @@
-"""Shared by all tests: modules that are imported by name, and the order of tests."""
+"""Set up all tests: modules imported by name, compiled kernels, the order of tests, a random choice of long ones."""
 
 import gc
 import os
@@ -11,18 +11,17 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-# every process of the tests uses the compiled forms, and waits for them
+# every process of the tests waits for the compiled code and uses it
 os.environ.setdefault("PIDALAB_COMPILE", "1")
 # pytest's importlib mode adds no path
 sys.path[:0] = [
     str(ROOT / "tests" / folder)
     for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs", "papers")
 ]
-# last, since one of the tools is called like Python's module site
+# last, since tools/site.py has the name of a module of Python
 sys.path += [str(ROOT / "tools"), str(ROOT / "oracles")]
 
-# Long tests, the longest first: pages in a browser, searches, fits, commands, code for others, audits. They take three
-# quarters of the time.
+# Files of long tests, the longest first. They take three quarters of the time.
 LONG = (
     "tests/site/",
     "tests/test_compiled.py",
@@ -39,15 +38,16 @@ LONG = (
     "tests/outputs/",
     "tests/rules/test_direct.py",
     "tests/test_readme.py",
+    "book/learn/when-it-pays.ipynb",  # its search takes half a minute
 )
-# Of these, one test in so many is drawn, anew each time; workers are given the number that the draw begins from.
+# One in DRAW of the long tests runs, chosen anew each time. The seed is kept in the environment for the workers.
 DRAW = int(os.environ.get("DRAW", "1"))
 os.environ.setdefault("DRAW_SEED", str(random.SystemRandom().randrange(10**6)))
 
 
-@pytest.hookimpl(tryfirst=True)  # before kernels are started, which would make it, too
+@pytest.hookimpl(tryfirst=True)  # before kernels of notebooks start, which would compile, too
 def pytest_configure(config):
-    """Compile the kernels once, if they are not compiled: each worker would compile most of them again."""
+    """Compile the kernels once. Otherwise each worker would compile most of them."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         return
     from pidalab._compiled import TIER, is_complete
@@ -59,7 +59,7 @@ def pytest_configure(config):
 
 
 def pytest_report_header():
-    """Say what is left out, and how to repeat it."""
+    """Say which share of the long tests runs, and how to repeat the choice."""
     if DRAW > 1:
         again = f"DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}"
         return f"of the long tests one in {DRAW} is drawn ({again} repeats it, DRAW=1 runs all)"
@@ -67,20 +67,20 @@ def pytest_report_header():
 
 
 def place(item):
-    """Return the place of a test among the long ones, or after them."""
+    """Return the position of a test's file in LONG, or the length of LONG."""
     return next((k for k, path in enumerate(LONG) if item.nodeid.startswith(path)), len(LONG))
 
 
 def drawn(item):
-    """Return True if a test runs: a long one if it is drawn, a notebook with all of its cells or not at all."""
-    one = item.nodeid.partition("::Cell")[0]
-    seed = f"{os.environ['DRAW_SEED']} {one}"
+    """Return True if a test runs. All cells of a notebook run, or none."""
+    notebook_or_test = item.nodeid.partition("::Cell")[0]
+    seed = f"{os.environ['DRAW_SEED']} {notebook_or_test}"
     return place(item) == len(LONG) or random.Random(seed).randrange(DRAW) == 0
 
 
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them
 def pytest_collection_modifyitems(config, items):
-    """Long files first: one that starts last keeps one processor busy and the others waiting."""
+    """Choose the tests to run, and put long files first: a long file that starts last leaves the other workers idle."""
     if DRAW > 1:
         run = {item for item in items if drawn(item)}
         config.hook.pytest_deselected(items=[item for item in items if item not in run])
@@ -89,20 +89,20 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection():
-    """Collect without looking for garbage: half a million objects are made, and all of them stay."""
+    """Switch the garbage collector off: collection makes half a million objects, and all of them stay."""
     gc.disable()
 
 
 def pytest_collection_finish():
-    """Look for garbage from now on, but not among these, and seldom: it takes a tenth of the time."""
+    """Switch the garbage collector on, for new objects only and seldom. It would take a tenth of the time otherwise."""
     gc.freeze()
     gc.set_threshold(100_000, 20, 100)
     gc.enable()
 
 
-@pytest.hookimpl(wrapper=True, tryfirst=True)  # after what every other plugin has to say
+@pytest.hookimpl(wrapper=True, tryfirst=True)  # after the output of all other plugins
 def pytest_terminal_summary(terminalreporter):
-    """End a run that left tests out with which they were, and what they need."""
+    """List skipped tests at the end of a run, with the reason."""
     yield
     if DRAW > 1:
         terminalreporter.write_line(pytest_report_header())

@@ -1,4 +1,4 @@
-"""Products of blocks, and loops in the plots of python-control: equal to what the parts say."""
+"""Check products of blocks, and frequency responses for python-control."""
 
 import control
 import numpy as np
@@ -20,7 +20,7 @@ LOOP = Loop(pidalab.lags(3, delay=1.0), PIDA(1.0, 3.0, 1.0, 0.3))
 
 
 @pytest.mark.parametrize("block", [P, *CONTROLLERS], ids=lambda block: type(block).__name__)
-def test_a_number_multiplies_the_gain_and_nothing_else(block):
+def test_a_number_multiplies_the_gain_only(block):
     for made, factor in ((2 * block, 2), (block * np.float64(2), 2), (block / 4, 0.25), (-block, -1)):
         assert type(made) is type(block)
         np.testing.assert_allclose(made(S), factor * block(S), rtol=1e-13)

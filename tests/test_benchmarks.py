@@ -1,4 +1,4 @@
-"""The benchmarks, as far as they do not depend on time: independent methods approach the exact engine."""
+"""Check the benchmarks: independent methods converge to the exact engine."""
 
 import csv
 import sys
@@ -19,7 +19,7 @@ STIFF, STABLE, LARGE, UNSTABLE = (measure.case_loop(dead_time.case_of(*design)) 
 
 
 def difference(peer, loop, setting):
-    """Largest difference from the exact engine, relative to the largest |y| so far and at least 1."""
+    """Return the largest difference from the exact engine, relative to the largest |y| so far and at least 1."""
     t, y = peer(loop, HORIZON, setting)()
     exact = pidalab.step_response(loop, t).y
     return np.max(np.abs(y - exact) / np.maximum(1.0, np.maximum.accumulate(np.abs(exact))))
@@ -32,7 +32,7 @@ def difference(peer, loop, setting):
     ids=["stiff", "stable", "large", "unstable"],
 )
 def test_fixed_steps_converge_to_the_exact_engine(peer, loop, per_delay):
-    """Half the step divides the difference by 2 to the order, so that its limit is no difference."""
+    """Half the step divides the difference by 2 to the order of the method."""
     coarse, fine = (difference(peer, loop, steps) for steps in (per_delay, 2 * per_delay))
     assert fine < 0.25
     assert np.log2(coarse / fine) == pytest.approx(4 if peer is peers.runge_kutta else 1, abs=0.15)

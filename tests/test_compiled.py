@@ -1,4 +1,4 @@
-"""Both forms of kernels: plain at first, compiled in the background, with the same digits."""
+"""Check both forms of kernels: plain at first, compiled in the background, with the same digits."""
 
 import json
 import os
@@ -27,7 +27,7 @@ START = "from pidalab._compiled import compile_in_background; compile_in_backgro
 
 
 def environment(**variables):
-    """The variables of this process, without a wish for one of the forms; None takes one away."""
+    """Return the environment variables for a process without PIDALAB_COMPILE; None removes a variable."""
     given = os.environ | {"PIDALAB_COMPILE": ""} | {key: str(value) for key, value in variables.items()}
     return {name: value for name, value in given.items() if value != "None"}
 
@@ -51,7 +51,7 @@ def wait_until(condition, seconds=300):
 
 
 def compilers(cache):
-    """Processes that compile into a cache, by their environments."""
+    """List the processes that compile into a cache."""
     wanted = f"NUMBA_CACHE_DIR={cache}".encode()
     processes = []
     for folder in Path("/proc").glob("[0-9]*"):
@@ -69,7 +69,7 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason=
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Answers of a short and of a longer process in a hostile folder, and the cache that the second one fills."""
+    """Return the answers of a short and a longer process in a hostile folder, and the cache that the latter fills."""
     cache, folder = tmp_path_factory.mktemp("cache"), tmp_path_factory.mktemp("logs")
     for name in ("numba.py", "random.py", "numpy.py", "pidalab.py"):
         trap = f"open({str(folder / 'was_run')!r}, 'w').close()\nraise ImportError('not this one')\n"
@@ -86,7 +86,7 @@ def made(tmp_path_factory):
 
 
 def test_short_processes_stay_plain_and_long_ones_use_kept_code(made):
-    """A process that has just started never imports numba, whether compiled code is kept or not."""
+    """A short process never imports numba, with a full cache or an empty one."""
     answers, cache = made
     again = [run(script, NUMBA_CACHE_DIR=cache) for script in (FIRST, WORKED)]
     assert [answer.stderr for answer in (*answers, *again)] == [""] * 4
@@ -97,7 +97,7 @@ def test_short_processes_stay_plain_and_long_ones_use_kept_code(made):
 
 @needs_proc
 def test_killed_compiler_delays_the_next_attempt(tmp_path):
-    """Of two processes one starts a compiler, at low priority; nothing restarts it at once after kill -9."""
+    """One of two processes starts a compiler, at low priority. After kill -9 the next attempt waits."""
     starters = [
         subprocess.Popen([sys.executable, "-c", START], env=environment(NUMBA_CACHE_DIR=tmp_path))
         for _ in range(2)
@@ -142,7 +142,7 @@ HOMES = {"no home": {"HOME": None, "XDG_CACHE_HOME": None}, "chosen": {"NUMBA_CA
 
 @pytest.mark.parametrize("home", HOMES)
 def test_answers_without_a_cache(home, tmp_path):
-    """An installation that cannot be written to, for a user without a home: plain forms, and no compiler."""
+    """Without a writable folder plain forms are used, and no compiler is started."""
     nowhere = (
         "import os, pwd; from pathlib import Path; import pidalab._compiled as c; c.PACKAGE = Path('/dev/null/x');"
         "\ndef unknown(*_): raise KeyError\npwd.getpwuid = unknown\n"
@@ -156,7 +156,7 @@ def test_answers_without_a_cache(home, tmp_path):
 
 
 def test_background_compiles_all_kernels(made):
-    """After it no function of ours is compiled any more, whatever is called."""
+    """After it no function of the library is compiled any more."""
     script = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
@@ -176,7 +176,7 @@ answers()
 
 @cache
 def answers(search=True):
-    """Numbers of every part of the library that is compiled."""
+    """Return numbers of every part of the library that is compiled."""
     loop = pidalab.Loop(pidalab.lags(3, delay=0.4), pidalab.PIDA(1.5, 2.5, 0.8, 0.2, n=10, m=10))
     neutral = pidalab.Loop(pidalab.Process([0.3, 1.0], [1.0, 1.0], 0.5), pidalab.PIDA(0.4, 2.0))
     series = pidalab.SeriesPIDA(0.3, 0.1, 0.02, ti=1.0, filter_time=0.1, filter_order=3, limits=(-0.5, 0.9))
@@ -202,7 +202,7 @@ def answers(search=True):
 
 @pytest.mark.parametrize("without", ["numba", "wish", "switch"])
 def test_both_forms_give_the_same_digits(without, tmp_path):
-    """Plain without numba, by our own variable and by numba's; and nothing is said."""
+    """Plain forms are used without numba, with PIDALAB_COMPILE=0 and with NUMBA_DISABLE_JIT, without a message."""
     variables = {
         "numba": {"PIDALAB_COMPILE": "1"},
         "wish": {"PIDALAB_COMPILE": "0"},

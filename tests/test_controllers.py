@@ -1,4 +1,4 @@
-"""Controllers: the printed formulas at random complex frequencies, and conversions there and back."""
+"""Compare controllers with their printed formulas at random complex frequencies, and convert them there and back."""
 
 import dataclasses
 import math
@@ -125,7 +125,7 @@ def test_repr_makes_the_same_controller_and_nothing_changes_it(C):
 
 
 def test_without_integral_action_the_fraction_is_the_same_controller():
-    """The s that numerator and denominator share is dropped from both, once."""
+    """The common s of numerator and denominator is cancelled."""
     controller = pidalab.HighOrderPID([0.0, 2.0, 3.0], filter_time=0.1, filter_order=2)
     num, den = controller.fraction()
     assert den[-1] == 1.0

@@ -44,7 +44,7 @@ ROAD = lines(WING, "pidalab.plant")
 
 
 def name_of(path):
-    """Dotted name of a module."""
+    """Return the dotted name of a module."""
     parts = path.relative_to(SRC).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -53,7 +53,7 @@ MODULES = {name_of(path): path for path in sorted(SRC.rglob("*.py"))}
 
 
 def imported(path):
-    """Dotted names that a file imports, in functions and for types, too."""
+    """Yield the dotted names that a file imports, also in functions and for types."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -64,7 +64,7 @@ def imported(path):
 
 @cache
 def arrows(module):
-    """Modules of ours that a module imports."""
+    """Return the modules of the project that a module imports."""
     found = {
         name if name in MODULES else name.rpartition(".")[0]
         for name in imported(MODULES[module])
@@ -74,7 +74,7 @@ def arrows(module):
 
 
 def room(module, package="pidalab"):
-    """The part of a package that a module belongs to."""
+    """Return the direct child of a package that a module belongs to."""
     inner = module.removeprefix(f"{package}.")
     return f"{package}.{inner.split('.')[0]}" if inner != module else module
 
@@ -84,7 +84,7 @@ def in_wing(module):
 
 
 def misplaced():
-    """Yield each import from a later line of the order, or into the whole library."""
+    """Yield each import that goes against the order in CONTRIBUTING, or imports the whole library."""
     for package, order in (("pidalab", [*CORRIDOR, ATOP]), ("pidalab.plant", ROAD)):
         place = {one: i for i, line in enumerate(order) for one in line}
         for module in (m for m in MODULES if m.startswith(f"{package}.")):
@@ -109,8 +109,8 @@ def test_no_circles():
     assert set(order) >= set(MODULES)
 
 
-def test_three_doors():
-    """The library does not know the wing but where it hands its names on; the account and control do not meet."""
+def test_packages_stay_apart():
+    """The library imports `pidalab.plant` only to hand names on. The two packages do not import each other."""
     for module in MODULES:
         for target in arrows(module):
             if in_wing(target):
@@ -118,8 +118,8 @@ def test_three_doors():
             assert module.split(".")[0] == target.split(".")[0], f"{module} imports {target}"
 
 
-def test_a_quick_import():
-    """Who only wants the ledger, or a process, does not wait for what takes long to import, nor for the wing."""
+def test_imports_are_lazy():
+    """Slow packages and `pidalab.plant` are imported only when they are used."""
     heavy = ["control", "matplotlib", "numba", "pandas", "scipy"]
     for code, closed in (
         ("import pidalab", [*heavy, "pidalab.plant"]),
@@ -134,8 +134,8 @@ def test_a_quick_import():
 
 
 @pytest.mark.parametrize("package", ["pidalab", "pidalab.plant"])
-def test_names_at_the_door_have_one_home(package):
-    """Each name that the stub has is there; none hides a module, or the other way round."""
+def test_public_names_match_the_stub(package):
+    """Each name of the stub exists and comes from its module. No name hides a module."""
     stub = SRC.joinpath(*package.split("."), "__init__.pyi")
     found = [
         node for node in ast.parse(stub.read_text(encoding="utf-8")).body if isinstance(node, ast.ImportFrom)

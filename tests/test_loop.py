@@ -1,4 +1,4 @@
-"""Loop: its transfer functions against block algebra at random complex frequencies."""
+"""Compare a loop's transfer functions with block algebra at random complex frequencies."""
 
 import copy
 import pickle
@@ -43,7 +43,7 @@ def test_loop_and_sensitivities():
     [(pidalab.fopdt(4.0, 2.0, 1.0), 0.0, 0.25), (pidalab.ipdt(4.0, 1.0), 0.0, 0.0)],
 )
 def test_transfer_functions_at_a_pole_of_a_block_are_their_limits(process, y_of_d, u_of_r):
-    """At s = 0 the integral of the controller, and of the plant, is infinite: what the loop makes of it is not."""
+    """At s = 0 controller and plant may be infinite. The closed loop is finite."""
     loop = pidalab.Loop(process, pidalab.PIDA(0.1, 8.0), FILTER, PREFILTER)
     answers = {"y": (1.0, y_of_d, -1.0), "u": (u_of_r, -1.0, -u_of_r), "e": (0.0, -y_of_d, 1.0)}
     for output, expected in answers.items():
@@ -58,7 +58,7 @@ def test_transfer_functions_at_a_pole_of_a_block_are_their_limits(process, y_of_
     [2, 2.0, np.float64(2.0), control.tf([2.0], [1.0])],
     ids=repr,
 )
-def test_what_may_be_a_controller(controller):
+def test_numbers_and_transfer_functions_are_controllers(controller):
     np.testing.assert_allclose(pidalab.Loop(PROCESS, controller).L(POINTS), 2 * PROCESS(POINTS), rtol=1e-13)
 
 
@@ -71,8 +71,8 @@ def test_repr_names_what_is_there():
 
 
 @pytest.mark.parametrize("name", ["process", "blocks", "open_loop", "new"])
-def test_a_loop_does_not_change(name):
-    """Half a change would be wrong in silence: the new dead time with the old gain."""
+def test_a_loop_is_immutable(name):
+    """A partial change would give wrong results: the new dead time with the old gain."""
     loop = pidalab.Loop(PROCESS, 0.5)
     with pytest.raises(AttributeError, match="a Loop cannot be changed; make a new one"):
         setattr(loop, name, pidalab.ipdt(5.0, 2.0))
@@ -82,7 +82,7 @@ def test_a_loop_does_not_change(name):
         loop.open_loop[0][0] = 2.0
 
 
-def test_a_loop_travels():
+def test_a_loop_can_be_pickled_and_copied():
     for other in (pickle.loads(pickle.dumps(LOOP)), copy.deepcopy(LOOP)):
         np.testing.assert_array_equal(other.L(POINTS), LOOP.L(POINTS))
         assert other.process == LOOP.process
@@ -96,7 +96,7 @@ def test_a_loop_travels():
         (pidalab.Process([-1.0], [1.0], delay=0.5), 1.0),
     ],
 )
-def test_minus_one_without_dead_time_and_at_once_is_ill_posed_and_nothing_else(process, controller):
+def test_only_a_direct_feedthrough_of_minus_one_is_ill_posed(process, controller):
     require_well_posed(pidalab.Loop(process, controller))
     with pytest.raises(ValueError, match="ill-posed"):
         require_well_posed(pidalab.Loop(pidalab.Process([-1.0, 3.0], [1.0, 2.0]), 1.0))
@@ -113,7 +113,7 @@ def test_limits_are_those_of_the_controller_seen_from_rest():
 
 @pytest.mark.parametrize("delay", [0.0, 0.5, 20.0])
 def test_frequencies_of_a_plot_in_closed_form(delay):
-    """From a decade below the slowest corner to one above the fastest; the dead time counts as one, and turns twice."""
+    """They span from a decade below the slowest corner to one above the fastest, at most two turns of the dead time."""
     loop = pidalab.Loop(
         pidalab.Process([3.0, 1.0], [4.0, 5.0, 1.0], delay), control.tf([1.0], [0.02, 1.0, 0.0])
     )

@@ -1,4 +1,4 @@
-"""The message of each door: it names the argument, what was found and what is allowed. Other tests match no wording."""
+"""Check the messages of each function: argument, what was found, what is allowed. Other tests match no wording."""
 
 import math
 from functools import partial
@@ -57,7 +57,7 @@ FIRST = control.tf([1.0], [1.0, 1.0])
 
 
 def given(door, *arguments, **usual):
-    """Return a function that calls a door with usual arguments, some of them changed."""
+    """Return a function that prepares a call with usual arguments, some of them changed."""
     return lambda **changed: partial(door, *arguments, **(usual | changed))
 
 

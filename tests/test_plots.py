@@ -1,4 +1,4 @@
-"""Figures of the book: a kind of controller looks the same in all of them."""
+"""Check the style of figures: a kind of controller looks the same in all of them."""
 
 import matplotlib.pyplot as plt
 import pytest
@@ -57,7 +57,7 @@ def test_labels_stand_beside_their_lines(axes):
     assert [text.get_color() for text in ax.texts] == [line.get_color() for line in ax.lines]
 
 
-def test_marks_and_given_dashes_keep_their_own(axes):
+def test_markers_dashes_and_colours_can_be_given(axes):
     (line,) = axes[0].plot([0, 1], [0, 1], "o", label="PID")
     assert (look(line), line.get_linestyle()) == ("PID", "None")
     (line,) = axes[0].loglog([1, 2], [1, 2], linestyle=":", label="PI")
@@ -65,7 +65,7 @@ def test_marks_and_given_dashes_keep_their_own(axes):
     assert axes[0].plot([0, 1], [0, 1], color="red", label="PIDA")[0].get_color() == "red"
 
 
-def test_a_label_of_several_axes_stands_once_in_the_legend(axes):
+def test_the_legend_has_each_label_once(axes):
     for ax, labels in zip(axes, (("PI", "PID"), ("PID", "PIDA")), strict=True):
         drawn(ax, *labels)
     plots.legend(axes[0].figure, ncols=2)

@@ -1,4 +1,4 @@
-"""Process: evaluation against the factorised formula, the named models, python-control."""
+"""Compare processes with their formulas, named models and python-control."""
 
 import control
 import numpy as np
@@ -34,7 +34,7 @@ def test_named_models(process, formula):
     np.testing.assert_allclose(process(POINTS), formula(POINTS), rtol=1e-12)
 
 
-def test_keeps_its_own_copy_of_the_coefficients():
+def test_coefficients_are_copied_and_read_only():
     den = np.array([2.0, 1.0])
     process = pidalab.Process([1.0], den)
     den[0] = 99.0

@@ -1,4 +1,4 @@
-"""Every public name has a docstring with the sections that its signature and source call for."""
+"""Check that every public name has a docstring with the sections that its signature and source need."""
 
 import importlib
 import inspect
@@ -13,7 +13,7 @@ MODULES = ["pidalab", "pidalab.rules", "pidalab.identification", "paperledger", 
 
 
 def members(module):
-    """Public names of a module: __all__ where there is one, otherwise what it defines; a package may import them."""
+    """Return the public names of a module: __all__, or what it defines. A package may import them."""
     names = getattr(module, "__all__", None) or [
         name
         for name, value in vars(module).items()
@@ -66,13 +66,7 @@ def methods(kind, path, seen):
 def collect():
     found, seen = {}, set()
     for name in MODULES:
-        try:
-            module = importlib.import_module(name)
-        except ModuleNotFoundError as missing:
-            if missing.name != name:
-                raise
-            continue
-        found.update(walk(module, name, seen))
+        found.update(walk(importlib.import_module(name), name, seen))
     return found
 
 
@@ -82,14 +76,14 @@ ASKED = {"GL08", "SS01", "SS02", "SS03", "PR01", "PR02", "PR03", "PR04", "PR07",
 
 
 def is_record(value):
-    """A class that functions return and nobody constructs documents attributes instead of parameters."""
+    """Return True for a class that only functions construct: it documents attributes instead of parameters."""
     return inspect.isclass(value) and (
         issubclass(value, (tuple, Exception)) or "\nAttributes\n---" in (inspect.getdoc(value) or "")
     )
 
 
 def needless(value):
-    """Checks that do not go with a kind of object."""
+    """Return the checks that do not apply to a kind of object."""
     if isinstance(value, (property, cached_property)):
         return {"EX01"}
     if is_record(value):

@@ -1,4 +1,4 @@
-"""The front pages: their code runs, their score is that of the ledgers."""
+"""Check the front pages: their code runs, their score is that of the ledgers."""
 
 import re
 from pathlib import Path
@@ -27,7 +27,7 @@ def test_code_runs(page, capsys):
 
 
 def test_short_answers_run(capsys):
-    """They run one after the other, as a reader would type them."""
+    """Run the answers one after the other, as a reader would type them."""
     space = {}
     with plt.rc_context():
         plt.rcdefaults()  # another test may have taken the looks of the book
@@ -46,7 +46,7 @@ def test_score_is_that_of_the_ledgers():
     assert score_markdown(ROOT / "book" / "ledger") in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_first_figure_is_what_its_designs_say():
+def test_the_landing_figure_matches_its_designs():
     """`python tools/landing_figure.py` draws the figure and writes its caption, with `--search` its designs, too."""
     import landing_figure as landing
 

@@ -1,4 +1,4 @@
-"""Model reduction: printed models, models returned as they are, ultimate frequencies in closed form."""
+"""Check model reduction: printed models, exact models, and ultimate frequencies in closed form."""
 
 import math
 
@@ -29,7 +29,7 @@ DIFFERENT = [  # stable, of many kinds
 
 @pytest.mark.parametrize("k", EXAMPLES)
 def test_printed_models(k):
-    """All 24 parameters of Tables 4, 5 and 6; the second-order ones are printed twice."""
+    """Check all 24 parameters of Tables 4, 5 and 6."""
     first, second = to_fopdt(EXAMPLES[k]), to_sopdt(EXAMPLES[k])
     assert (round(first.tau, 3), round(first.delay, 3)) == FIRST[k]
     assert (round(second.tau, 3), round(second.delay, 3), round(second.damping, 3)) == SECOND[k]
@@ -65,13 +65,13 @@ def test_the_model_keeps_gain_and_ultimate_frequency(process):
 
 @pytest.mark.parametrize("process", DIFFERENT)
 def test_ultimate_frequency_is_the_first_phase_crossover(process):
-    """Another algorithm: the crossings of the negative real axis of the loop with a proportional controller."""
+    """The second algorithm finds the phase crossovers of a loop with a proportional controller."""
     loop = pidalab.Loop(process, 1 / process.gain())
     assert ultimate_frequency(process) == pytest.approx(pidalab.phase_crossovers(loop, 1e-7)[0], rel=1e-9)
 
 
 def test_ultimate_frequency_counts_whole_turns():
-    """Five zeros turn the phase up to +pi, where L crosses the negative real axis first; -pi comes far later."""
+    """Five zeros raise the phase to +pi first. It reaches -pi at a much higher frequency."""
     num, den = np.poly([-1.0] * 5), np.poly([-20.0] * 9)
     process = pidalab.Process(num / num[-1], den / den[-1])
     wu = ultimate_frequency(process)
@@ -79,7 +79,7 @@ def test_ultimate_frequency_counts_whole_turns():
     assert pidalab.phase_crossovers(pidalab.Loop(process, 1.0))[0] < 0.5 * wu
 
 
-def test_a_sharp_resonance_is_not_stepped_over():
+def test_a_sharp_resonance_is_resolved():
     """The phase falls by almost pi within a hundredth of a decade."""
     wu = ultimate_frequency(RESONANT)
     phase = math.atan2(0.02 * wu, 1 - wu**2) + math.atan(0.5 * wu) + 0.01 * wu
@@ -102,7 +102,7 @@ def test_ultimate_frequency_in_closed_form(process, frequency):
 
 
 def test_many_equal_lags_are_as_stable_as_the_loop_says():
-    """150 lags of 1: the phase falls to -pi at tan(pi/150), and the areas are binomial coefficients."""
+    """The phase of 150 lags falls to -pi at tan(pi/150), and the areas are binomial coefficients."""
     process = pidalab.lags(150)
     assert pidalab.reduction.to_fopdt(process).wu == pytest.approx(math.tan(math.pi / 150), rel=1e-9)
     assert pidalab.areas.from_process(process, 3).tolist() == [1.0, 150.0, 11325.0]

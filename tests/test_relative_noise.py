@@ -1,4 +1,4 @@
-"""Relative noise gain: its scale, and the same number in any units."""
+"""Check the relative noise gain: its scale, and that it does not depend on units."""
 
 import math
 
@@ -38,7 +38,7 @@ def test_noise_scale(process, period, gain):
     ],
 )
 def test_relative_noise_gain_does_not_depend_on_units(process):
-    """Unit of y times a, of u times b, of time times c: gains of the plant times a/b, of the controller times b/a."""
+    """The units of y, u and time change by the factors a, b and c."""
     a, b, c = 40.0, 0.01, 60.0
     C = PIDA(kp=0.2, ti=4.0, td=0.7, n=2, m=10.0)
     powers = c ** np.arange(process.den.size - 1.0, -1.0, -1.0)

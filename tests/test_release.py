@@ -1,4 +1,4 @@
-"""Published metadata agree with each other; `make release` also installs the wheel and uses it."""
+"""Check that published metadata agree with each other. `make release` also installs the wheel and uses it."""
 
 import importlib.util
 import json
@@ -34,8 +34,8 @@ def test_the_readme_stands_on_a_package_index():
     assert "$$" not in readme
 
 
-def test_one_place_says_where_the_project_lives():
-    """The other places agree with it."""
+def test_repository_addresses_agree():
+    """The project's addresses agree with that of the book."""
     repository = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))["sphinx"]["config"][
         "html_theme_options"
     ]["repository_url"]
@@ -46,7 +46,7 @@ def test_one_place_says_where_the_project_lives():
 
 
 def test_one_version():
-    """It is a semantic one, cited as it is, and the newest release of the changelog."""
+    """It is a semantic version, the cited one, and the newest of the changelog."""
     version = PROJECT["version"]
     assert re.fullmatch(r"\d+\.\d+\.\d+", version)
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
@@ -61,7 +61,7 @@ def test_one_version():
 
 
 def test_actions_are_named_by_their_commit():
-    """A tag can be moved to other code."""
+    """A tag could be moved to other code."""
     for path in (ROOT / ".github" / "workflows").glob("*.yml"):
         used = re.findall(r"uses: (\S+)", path.read_text(encoding="utf-8"))
         assert used
@@ -69,7 +69,7 @@ def test_actions_are_named_by_their_commit():
 
 
 def test_the_lock_for_readers_is_a_part_of_the_other():
-    """Both have hashes, and the same versions; what only tests and tools need is in one of them."""
+    """Both have hashes and the same versions. Packages for tests and tools are in one of them only."""
     locks = [
         (ROOT / name).read_text(encoding="utf-8") for name in ("requirements.txt", "requirements-dev.txt")
     ]
@@ -87,7 +87,7 @@ def test_the_lock_for_readers_is_a_part_of_the_other():
         assert "://" not in text
 
 
-def test_every_licence_of_what_the_site_carries_has_its_text():
+def test_every_licence_of_the_site_has_its_text():
     asked = {name for row in vendored.table() for name in row["licence"].split(" AND ")}
     assert {*vendored.texts(), *vendored.LINKED} == asked
 
@@ -98,7 +98,7 @@ def test_a_paper_is_named_wherever_a_book_needs_it(paper):
 
 
 def test_what_colab_is_given_runs(capsys, monkeypatch):
-    """Its first cell fetches the repository that pyproject.toml names; the others run in a clone."""
+    """The first cell clones the repository that pyproject.toml names. The others run in a clone."""
     cells = json.loads((ROOT / "colab.ipynb").read_text(encoding="utf-8"))["cells"]
     first, *others = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     assert f"clone --quiet --depth 1 {PROJECT['urls']['Repository']}\n" in first

@@ -1,4 +1,4 @@
-"""Roots of polynomials, refused where double precision does not hold them; searches that fail, and borders."""
+"""Check roots of polynomials and the search for borders."""
 
 import math
 
@@ -12,7 +12,7 @@ from pidalab.roots import border, roots
 @pytest.mark.parametrize(
     ("order", "lag"), [(2, 1.0), (5, 1e-3), (12, 7.0), (30, 60.0), (40, 1.0), (60, 1e-2)]
 )
-def test_equal_lags_are_one_root(order, lag):
+def test_equal_lags_give_one_multiple_root(order, lag):
     assert roots(pidalab.lags(order, lag=lag).den) == pytest.approx([-1 / lag] * order, rel=1e-13)
 
 

@@ -96,7 +96,7 @@ def files() -> Iterator[tuple[str, bytes]]:
             yield inside.as_posix(), path.read_bytes()
         elif path.suffix == ".ipynb" and not any(part.startswith(".") for part in inside.parts):
             yield inside.with_suffix(".json").as_posix(), json.dumps(cells(path)).encode()
-    for name in ("_static/run/session.py", "_ext/figures_for_dark.py", "_ext/accessible.py"):
+    for name in ("_static/run/session.py", "_ext/figures_for_dark.py", "_ext/completing.py"):
         yield f"site/{Path(name).name}", (ROOT / "book" / name).read_bytes()
     fonts = home("matplotlib") / "mpl-data"
     for path in sorted(found for pattern in WANTED["data"] for found in fonts.glob(pattern)):
@@ -145,8 +145,10 @@ def fetch_engine() -> None:
 
 
 def main() -> None:
-    """Fill the folder, and print the sizes of the files that a browser will fetch."""
+    """Fill the folder, and print the sizes of the files that a browser will fetch. With `--fetch` only fetch."""
     fetch_engine()
+    if sys.argv[1:] == ["--fetch"]:
+        return
     (FOLDER / "book.pack.gz").write_bytes(gzip.compress(pack(list(files())), 9, mtime=0))
     # The hash is part of the address, so a browser keeps the engine when only the book has changed.
     parts = {

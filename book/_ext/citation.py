@@ -1,6 +1,6 @@
-"""Tell machines the canonical address of a page and whom to cite.
+"""Add metadata to pages: the canonical address, and citations for search engines.
 
-The address of the site is that of the repository's pages, unless ``html_baseurl`` says another one.
+The address of the site is that of the repository's pages, unless ``html_baseurl`` is set.
 """
 
 import re
@@ -35,7 +35,7 @@ def fields(entry):
 
 
 def head(folder, base, docname, title):
-    """Return what the head of a page of a paper says to machines."""
+    """Return the metadata for the head of a page of a paper."""
     paper = docname.rpartition("/")[2].partition("-")[0]
     if not (folder / "ledger" / f"{paper}.csv").is_file():
         return ""
@@ -53,14 +53,14 @@ def head(folder, base, docname, title):
 
 
 def add(app, docname, templatename, context, doctree):
-    """Add it to a page."""
+    """Add the metadata to a page."""
     if doctree is not None:
         said = head(Path(app.srcdir) / "book", app.config.html_baseurl, docname, context.get("title", ""))
         context["metatags"] = context.get("metatags", "") + said
 
 
 def address(app, config):
-    """Set where the site lives, so that each page has its canonical address."""
+    """Set the address of the site, so that each page has its canonical address."""
     if not config.html_baseurl:
         config.html_baseurl = site(config.html_theme_options["repository_url"])
 

@@ -42,7 +42,7 @@ def add_policy(app, pagename, templatename, context, doctree):
     context["metatags"] = f"{META}\n{context.get('metatags', '')}"
 
 
-# --- MathJax from the site itself: of the whole distribution in the package the book needs one script and fonts ---
+# --- MathJax from the site itself: the book needs one script and the fonts of the distribution --
 
 SCRIPT = "tex-chtml.js"
 FONTS = "output/chtml/fonts/woff-v2"
@@ -71,13 +71,13 @@ def tie_marks(app, pagename, templatename, context, doctree):
 
 
 def prefix_of(title: str) -> tuple[int, ...]:
-    """Return the number that a title begins with."""
+    """Return the number at the beginning of a title."""
     found = re.match(r"(\d+) ", title)
     return (int(found[1]),) if found else ()
 
 
 def number_by_page(app, env):
-    """Renumber what Sphinx has numbered through all pages."""
+    """Number by page what Sphinx numbers through all pages."""
     for page, kinds in env.toc_fignumbers.items():
         if not env.toc_secnumbers.get(page, {}).get(""):
             prefix = prefix_of(env.titles[page].astext())
@@ -98,7 +98,7 @@ INDEX = re.compile(
 
 
 def repaired(body: str) -> str:
-    """Return the body of a page with folds that say what they hide, no headers of nothing, and indices as such."""
+    """Return the body of a page with names for folds, no empty table headers, and typeset indices."""
     body = body.replace(SAME_NAME, "")  # the words inside the fold's bar are its name
     body = EMPTY_HEADER.sub("<td></td>", body)
     return FRAME.sub(lambda table: INDEX.sub(r"\1<sub>\2</sub>", table.group()), body)
@@ -113,7 +113,7 @@ def repair(app, pagename, templatename, context, doctree):
 def setup(app):
     gc.set_threshold(100_000, 50, 50)
     app.connect("env-updated", write_in_parallel)
-    # Formulas are read, not operated: they are no stops of the Tab key.
+    # Formulas are not interactive, so the Tab key skips them.
     app.config.mathjax3_config = {"options": {"menuOptions": {"settings": {"inTabOrder": False}}}}
     app.config.mathjax_path = f"mathjax/{SCRIPT}"
     app.add_js_file("folds.js")

@@ -1,10 +1,10 @@
-"""Draw every figure for a dark page, too.
+"""Draw every figure for dark mode, too.
 
-A figure is an SVG in dark ink on nothing. For the dark theme a second file is written in which each ink has its
-counterpart for a dark page: black becomes nearly white, a hue keeps its hue and becomes lighter. Colour maps mean
-numbers, so they stay as they are, and so does every group whose id begins with ``as-drawn``.
-The page carries both images, and the theme shows the one that fits. The dark one is fetched when it is to be seen;
-print shows the other. The words of a figure are in the font of the page around it.
+A figure is an SVG in dark colours on a transparent background. A second file for dark mode replaces each colour: black
+becomes nearly white, and a hue becomes lighter. Colour maps represent numbers, so they do not change, nor does a group
+whose id begins with ``as-drawn``.
+The page contains both images, and the theme shows one of them. The dark one is fetched only when it is shown. Print
+uses the light one. The text of a figure has the font of the page.
 """
 
 import colorsys
@@ -20,14 +20,14 @@ GROUP = re.compile(r'<g\b(?:[^>]*?\bid="([^"]*)")?[^>]*?(/?)>|</g>')
 AS_DRAWN = ("as-drawn", "QuadMesh", "QuadContourSet", "ContourSet", "TriContourSet")
 
 SIZE = re.compile(r'<svg\b[^>]*?\bwidth="([\d.]+)pt" height="([\d.]+)pt"')
-PX = 4 / 3  # of a point
-FONT = re.compile(r"'DejaVu Sans'(, [^;\"]*sans-serif)?")  # by whose widths matplotlib places the words
-OF_THE_PAGE = (  # as pidalab.css has it
+PX = 4 / 3  # pixels in a point
+FONT = re.compile(r"'DejaVu Sans'(, [^;\"]*sans-serif)?")  # matplotlib places text by the widths of this font
+OF_THE_PAGE = (  # the font in pidalab.css
     "system-ui, -apple-system, 'Segoe UI', 'Noto Sans', 'Liberation Sans', Helvetica, Arial, sans-serif"
 )
 
 GREY = 0.15  # saturation below which a colour counts as grey
-LIGHTEST, DARKEST = 0.92, 0.08  # of a grey: neither glare nor a hole
+LIGHTEST, DARKEST = 0.92, 0.08  # lightness of greys, not pure white or black
 INK = 0.68  # lightness of a coloured line on a dark page
 
 
@@ -48,7 +48,7 @@ def darkened(svg: str) -> str:
         [],
         0,
         0,
-    )  # kept: how many groups are open inside one that stays as drawn
+    )  # number of open groups inside one that stays as drawn
     for group in GROUP.finditer(svg):
         text = svg[start : group.start()]
         pieces.append(text if kept else _inked(text))
@@ -60,7 +60,7 @@ def darkened(svg: str) -> str:
             kept = 1
     pieces.append(_inked(svg[start:]))
     dark = "".join(pieces)
-    # Text and markers without a colour are black. Give the figure a light default, but not to what stays as drawn.
+    # Text and markers without a colour are black, so the figure gets a light default, except groups that stay as drawn.
     dark = dark.replace('<g id="as-drawn', '<g fill="#111111" id="as-drawn')
     return dark.replace("<svg ", f'<svg fill="{for_dark("#000000")}" ', 1)
 
@@ -70,7 +70,7 @@ def _inked(text: str) -> str:
 
 
 def room(svg: str) -> str:
-    """Return the attributes of an image that say how large it is, so that a page does not move as it loads."""
+    """Return the size attributes of an image, so that a page does not move while it loads."""
     size = SIZE.search(svg)
     if not size:
         return ""
@@ -92,7 +92,7 @@ def _pair(tag: str, attributes: str) -> str:
 
 
 def show_both(app, pagename, templatename, context, doctree):
-    """Put the dark twin of each figure beside it."""
+    """Add the dark version of each figure."""
     if "body" not in context:
         return
     sources = {name: Path(app.srcdir, source) for source, name in app.builder.images.items()}
@@ -105,7 +105,7 @@ def show_both(app, pagename, templatename, context, doctree):
 
 
 def write_dark(app, exception):
-    """Write all figures in the font of the page, and their dark twins, once they are copied."""
+    """Write all copied figures in the font of the page, and their dark versions."""
     if exception or app.builder.format != "html":
         return
     for path in Path(app.outdir, "_images").glob("*.svg"):

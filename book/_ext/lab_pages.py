@@ -1,4 +1,4 @@
-"""Add the scripts of lab, live figures and slides to the pages that need them, and to no others."""
+"""Add the scripts of lab, live figures and slides to the pages that need them."""
 
 LAB = ("engine", "optima", "model", "optimum", "plot", "record", "lab", "live")
 PARTS = {

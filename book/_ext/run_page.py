@@ -1,4 +1,4 @@
-"""Give pages the button that runs their cells, where ``make book LIVE=1`` puts the engine beside the site."""
+"""Add the button that runs the cells of a page, if ``make book LIVE=1`` adds the engine to the site."""
 
 import os
 import re

@@ -1,8 +1,8 @@
-"""A search whose hits are sections, not pages: chapters before the reference, and no server.
+"""A search for sections without a server, with chapters before the reference.
 
-While Sphinx writes the pages, in several processes, the text of every section is kept beside the page's doctree. At the
-end it becomes one script, which the search page loads beside MiniSearch. A script, not a data file, because a page
-opened from disk may load no data.
+While Sphinx writes the pages, in several processes, the text of every section is stored next to the page's doctree. At
+the end it becomes one script, which the search page loads with MiniSearch. It is a script, not a data file, because a
+page opened from disk cannot load data.
 """
 
 import json
@@ -11,14 +11,14 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 HEADINGS = {"h1", "h2", "h3", "h4"}
-# Code, formulas' source and buttons are not what a reader looks for.
+# Readers do not search for code, the source of formulas and buttons.
 LEFT_OUT = {"script", "style", "summary", "button"}
 LEFT_OUT_CLASSES = {"cell_input", "headerlink", "toctree-wrapper", "dataframe", "only-dark"}
 MATHS = re.compile(r"\\[()\[\]]")
 VOID = {"br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}  # elements that never end
-TASKS = 0.4  # of a page's weight: exercises mention everything and explain nothing
-LONGEST = 6000  # characters kept of a section
-# How much a hit counts, by the beginning of the page's name; the first that fits.
+TASKS = 0.4  # relative weight of exercises, which mention many terms without explaining them
+LONGEST = 6000  # largest number of characters of a section
+# Weight of a hit, by the beginning of the page's name. The first match counts.
 WEIGHTS = (
     ("book/api", 0.05),
     ("book/audit", 0.15),
@@ -30,8 +30,8 @@ WEIGHTS = (
     ("", 1.0),
 )
 
-# What readers type where the section itself says it in other words, by the section that answers. Such a section counts
-# as a whole page does, though it may be one of the reference.
+# Search words that a section does not contain, by section. Such a section has the weight of a page, even in the
+# reference.
 ALSO = {
     "book/heo2023.html#the-idea": "dead time",
     "book/how-do-i.html#install-pidalab": "install installation setup download pip PyPI Binder Colab",
@@ -62,18 +62,16 @@ ALSO = {
 
 
 class Sections(HTMLParser):
-    """Reads a page once, and keeps of each section its anchor, its title and its own text.
+    """Parser of a page that stores anchor, title and text of each section.
 
-    A section is also what the reference says of one name: a definition list whose first term has an anchor.
+    The entry of a name in the reference, a definition list whose first term has an anchor, is a section, too.
     """
 
     def __init__(self):
         super().__init__()
         self.found = []  # in the order of the page: anchor, words of the title, words of the text
         self.open = []  # elements that have begun: tag, and the section that they are
-        self.left_out = self.title = (
-            0  # how many are open where an element is left out, or a title; 0 for none
-        )
+        self.left_out = self.title = 0  # number of open elements at an ignored element or a title, 0 for none
 
     def section(self):
         """Return the innermost section that has a title."""
@@ -112,7 +110,7 @@ class Sections(HTMLParser):
             self.title = 0
 
     def handle_data(self, data):
-        # a formula as text, without the marks that tell where it begins and ends
+        # The text of a formula without its delimiters.
         words = MATHS.sub("", data).strip()
         if not words or self.left_out:
             return
@@ -123,7 +121,7 @@ class Sections(HTMLParser):
 
 
 def sections(body: str) -> list[tuple[str, str, str]]:
-    """Return (anchor, title, text) of each section of a page; a section's text is without its subsections'."""
+    """Return (anchor, title, text) of each section of a page, without the text of its subsections."""
     page = Sections()
     page.feed(body)
     page.close()
@@ -139,7 +137,7 @@ def words_of(html: str) -> str:
 
 
 def collect(app, pagename, templatename, context, doctree):
-    """Keep a page's sections, and give the search page its scripts."""
+    """Store the sections of a page, and add the scripts to the search page."""
     if pagename == "search":
         for script in (
             "vendor/minisearch/minisearch.min.js",
@@ -164,12 +162,12 @@ def collect(app, pagename, templatename, context, doctree):
 
 
 def kept(app, pagename):
-    """Return where the sections of a page are kept."""
+    """Return the file for the sections of a page."""
     return Path(app.doctreedir, f"{pagename}.sections.json")
 
 
 def write_index(app, exception):
-    """Write what was collected as a script."""
+    """Write the collected sections as a script."""
     if exception or app.builder.format != "html":
         return
     pages = (kept(app, name) for name in sorted(app.env.found_docs))
@@ -180,13 +178,13 @@ def write_index(app, exception):
 
 
 def leave_words_out(app, env):
-    """Keep Sphinx's own index of words empty: nothing reads it, and it takes a tenth of the build."""
+    """Leave Sphinx's index of words empty, since it is not used and takes a tenth of the build."""
     for page in env.found_docs:
         env.metadata[page]["nosearch"] = True
 
 
 def setup(app):
     app.connect("env-updated", leave_words_out)
-    app.connect("html-page-context", collect, priority=900)  # after the figures have their twins
+    app.connect("html-page-context", collect, priority=900)  # after the dark figures are added
     app.connect("build-finished", write_index)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

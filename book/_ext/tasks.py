@@ -17,9 +17,9 @@
     The answer, worked.
     ```
 
-The second part is YAML, as `_static/lab/judge.js` describes it, with three more: `lab`, a state of the lab that a link
-opens; `key`, an answer that is right, whose numbers the worked answer prints; `wrong`, answers that occur, each with a
-word of what the page says to it. The tests compare both with the library. Without JavaScript hint and answer unfold.
+The second part is YAML, as `_static/lab/judge.js` describes it, with three more entries: `lab`, a state of the lab for
+a link; `key`, a right answer, whose numbers are in the worked answer; `wrong`, usual wrong answers, each with a word of
+the reply. The tests compare both with the library. Without JavaScript hint and answer unfold.
 """
 
 import json
@@ -38,7 +38,7 @@ FOR_TESTS = ("key", "wrong")
 
 
 class Parts(NamedTuple):
-    """What a task consists of; words, hint and answer are Markdown."""
+    """Parts of a task. Words, hint and answer are Markdown."""
 
     words: str
     data: dict
@@ -58,7 +58,7 @@ def parts_of(content: str) -> Parts:
 
 
 def number_of(label: str) -> str:
-    """Return the number that a label names: task-3-2 is Task 3.2, task-huba2018-1 is Task huba2018-1."""
+    """Return the number of a label: task-3-2 is Task 3.2, task-huba2018-1 is Task huba2018-1."""
     name = label.removeprefix("task-")
     return name.replace("-", ".") if re.fullmatch(r"[\d-]+", name) else name
 
@@ -70,15 +70,15 @@ def written(label: str, data: dict) -> str:
 
 
 class task_node(nodes.General, nodes.Element):
-    """The whole task."""
+    """Node of a task."""
 
 
 class task_data(nodes.General, nodes.Element):
-    """What the judge is given."""
+    """Node with the data for the judge."""
 
 
 class task_fold(nodes.General, nodes.Element):
-    """Hint or answer."""
+    """Node of a hint or an answer."""
 
 
 def open_task(self, node):
@@ -156,7 +156,7 @@ class Task(SphinxDirective):
 
 
 def add_scripts(app, pagename, templatename, context, doctree):
-    """Add scripts and styles where the page has a task; a search needs more of them."""
+    """Add scripts and styles to a page with tasks, and more for a search."""
     body = context.get("body", "")
     if 'class="pidalab-task"' in body:
         app.add_css_file("lab/lab.css")

@@ -1,4 +1,4 @@
-/* Folds say what they hide, for those who hear the page: answers, and pages under a page in the table of contents. */
+/* Label folds for screen readers: answers, and subpages in the table of contents. */
 addEventListener("load", () => {
   for (const button of document.querySelectorAll(".toggle-button")) {
     const title = document.getElementById(button.dataset.target)?.querySelector(".admonition-title");
@@ -10,12 +10,12 @@ addEventListener("load", () => {
   }
 });
 
-/* The id that an address ends with; an address may hold a % that encodes nothing. */
+/* Return the id at the end of an address, which may contain a % that encodes nothing. */
 function place() {
   try { return decodeURIComponent(location.hash.slice(1)); } catch { return ""; }
 }
 
-/* An address that leads into a fold opens it: the row of a ledger, for one. */
+/* Open the fold that contains the target of the address, such as a row of a ledger. */
 function reveal() {
   const target = document.getElementById(place());
   if (!target?.closest("details:not([open])")) return;
@@ -24,7 +24,7 @@ function reveal() {
 }
 for (const when of ["load", "hashchange"]) addEventListener(when, reveal);
 
-/* On paper nothing can be unfolded: notes and outputs are open while the page is printed, folded code is left out. */
+/* Open notes and outputs while the page is printed. Folded code is not printed. */
 const folds = () => document.querySelectorAll("article details:not(.above-input)");
 addEventListener("beforeprint", () => {
   for (const fold of folds()) { fold.dataset.was = fold.open; fold.open = true; }

@@ -1,11 +1,11 @@
-/* The search page: sections of the book, best first, from the index that the build wrote. */
+/* The search page lists sections of the book, best first, from the index of the build. */
 (function () {
   "use strict";
   const IDLE = new Set("a an and do does for from how i in is it of on the to what with".split(" "));
   const index = new MiniSearch({
-    fields: ["title", "page", "text", "also"], // also: what readers type where the section says it in other words
+    fields: ["title", "page", "text", "also"], // also: search words of readers that the section does not contain
     storeFields: ["title", "page", "text", "url", "weight"],
-    // "anti-windup" is found as one word and by its parts, "setpoint" as "set point"; case and accents do not matter.
+    // "anti-windup" is indexed as one word and by its parts, "setpoint" as "set point". Case and accents are ignored.
     tokenize: (text) => {
       const words = text.replace(/\b(set|dead)-?(points?|times?)\b/gi, "$1 $2").split(/[\s.,;:!?()[\]{}"“”„'’/=<>|…–—]+/).filter(Boolean);
       return words.concat(words.filter((word) => word.includes("-")).flatMap((word) => word.split("-"))).filter(Boolean);
@@ -31,11 +31,11 @@
     return made;
   };
 
-  /* The stretch of text around the first word found. */
+  /* Return the text around the first match. */
   const excerpt = (text, terms) => {
     const lower = text.toLowerCase();
     const places = terms.map((term) => lower.indexOf(term)).filter((place) => place >= 0);
-    const start = places.length ? Math.max(0, Math.min(...places) - 80) : 0; // else it is in the title
+    const start = places.length ? Math.max(0, Math.min(...places) - 80) : 0; // otherwise the match is in the title
     return (start ? "… " : "") + text.slice(start, start + 240).trim() + (start + 240 < text.length ? " …" : "");
   };
 
@@ -60,6 +60,6 @@
     results.append(list);
   };
 
-  /* In place of the search for whole pages, with the same box and address; Sphinx's script comes later on the page. */
+  /* This replaces the search for whole pages, with the same box and address. Sphinx's script comes later on the page. */
   document.addEventListener("DOMContentLoaded", () => { Search.performSearch = show; });
 })();

@@ -1,5 +1,5 @@
-/* Shows a lecture as slides, where its address ends in #slides: a heading, with its figures, formulas, lists, results and
-   tasks; running text and code are notes. Arrow and page keys move, N shows the notes, D changes between light and dark,
+/* Show a lecture as slides if its address ends in #slides. A slide has a heading with its figures, formulas, lists, results
+   and tasks. Running text and code are notes. Arrow and page keys move, N shows the notes, D changes between light and dark,
    Escape returns to the page. */
 (function () {
   "use strict";
@@ -10,7 +10,7 @@
   const slides = [], nav = document.createElement("nav"), place = document.createElement("output");
   let heading = null, now = 0;
 
-  /* Headings and blocks in the order of the page; sections are only brackets around them. */
+  /* Return headings and blocks in the order of the page, without the sections that contain them. */
   const blocksOf = (section) => [...section.children].flatMap((one) => (one.matches("section") ? blocksOf(one) : one));
 
   function begin() {
@@ -28,12 +28,12 @@
       begin();
       continue;
     }
-    // a picture and a task have a slide of their own
+    // A figure and a task have separate slides.
     if (block.matches(SHOWN) && (has(PICTURE) || (has(".shown") && block.matches(`${PICTURE}, ${OWN}`)))) begin();
     block.classList.add(block.matches(SHOWN) ? "shown" : "notes");
-    slides.at(-1).append(block); // moved, not copied: a live figure goes on living
+    slides.at(-1).append(block); // moved, not copied, so that a live figure stays live
   }
-  for (const slide of slides) { // words alone are the slide, not a note to it
+  for (const slide of slides) { // text without anything else is the slide itself, not a note
     if (!slide.querySelector(":scope > .shown")) slide.querySelectorAll(":scope > p").forEach((one) => one.classList.remove("notes"));
   }
 
@@ -45,7 +45,7 @@
     fit();
   }
 
-  /* Make the words smaller until the slide fits, but not too small to read: then it scrolls. */
+  /* Reduce the font until the slide fits. At the smallest legible font it scrolls. */
   function fit() {
     const slide = slides[now];
     slide.style.fontSize = "";
@@ -79,7 +79,7 @@
   const KEYS = { ArrowRight: on, " ": on, PageDown: on, ArrowLeft: back, PageUp: back, Home: () => go(0),
     End: () => go(slides.length - 1), n: notes, d: theme, Escape: leave };
   addEventListener("keydown", (event) => {
-    // a key that moves a slider, opens an answer or presses a button is not ours
+    // A key that moves a slider, opens an answer or presses a button does not change the slide.
     const own = (event.key !== "Escape" && event.target.closest?.("input, select, textarea")) || (event.key === " " && event.target.closest?.("summary, button"));
     if (own || event.ctrlKey || event.altKey || event.metaKey || !KEYS[event.key]) return;
     event.preventDefault();

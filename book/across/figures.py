@@ -35,7 +35,7 @@ def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = 
 def plain(ax: Axes) -> None:
     """Write the numbers of a short logarithmic axis as numbers."""
     low, high = ax.get_xlim()
-    between = (0.7, 1.5, 3) if high < 30 * low else ()  # on a longer axis they would run together
+    between = (0.7, 1.5, 3) if high < 30 * low else ()  # on a longer axis they would overlap
     ticks = sorted([0.5, 1, 2, 5, 10, 20, 50, 100, 1000, *between])
     if high < 2 * low:
         ticks = [k / 10 for k in range(5, 100)]
@@ -45,7 +45,7 @@ def plain(ax: Axes) -> None:
 
 
 def over_rolloff(table: pd.DataFrame, terms: tuple[str, ...] = ("quiet", "loud")) -> None:
-    """Draw what acceleration saves over how steeply the plant's gain falls where its phase is -180 degrees."""
+    """Draw the saving by acceleration over the roll-off of the plant where its phase is -180 degrees."""
     _, ax = plt.subplots(figsize=(6.4, 3.6))
     for term, mark in zip(terms, ("o", "D"), strict=True):
         rows = table[table["terms"] == term]
@@ -65,7 +65,7 @@ def over_rolloff(table: pd.DataFrame, terms: tuple[str, ...] = ("quiet", "loud")
 
 
 def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
-    """Draw what one more derivative saves of the least IAE over the allowed noise, a panel for each plant."""
+    """Draw by how much a further derivative reduces the least IAE over the noise limit, a panel for each plant."""
     rows = -(-len(names) // 2)
     figure, axes = plt.subplots(
         rows, 2, figsize=(6.4, 0.5 + 1.9 * rows), sharex=True, sharey=True, squeeze=False
@@ -85,7 +85,7 @@ def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
 
 
 def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
-    """Draw the share of the IAE that acceleration saves, a panel for each family, noise to the right."""
+    """Draw the saving of IAE by acceleration, a panel for each family, noise to the right."""
     count = -(-len(tables) // 2)
     figure, axes = plt.subplots(count, 2, figsize=(6.4, 0.6 + 2.3 * count), squeeze=False)
     for ax, (title, table) in zip(axes.flat, tables.items(), strict=False):
@@ -114,7 +114,7 @@ def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
 
 
 def chart(table: pd.DataFrame) -> None:
-    """Draw how many plants take each kind of controller over their roll-off, for quiet and for loud noise."""
+    """Draw the number of plants for each kind of controller over their roll-off, for quiet and loud noise."""
     edges = np.arange(0.0, 2.51, 0.25)
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.6), sharex=True, sharey=True)
     for ax, (terms, limit) in zip(axes, tables.NOISE.items(), strict=True):

@@ -21,22 +21,22 @@ LESS_ROBUST = 2.0  # the other limit of Ms for which the study has a frontier
 
 
 def curves(ms: float = tables.MS) -> pd.DataFrame:
-    """The frontier at one Ms."""
+    """Return the frontier at one Ms."""
     return tables.read("frontier").query("ms_limit == @ms")
 
 
 def acceleration_map() -> pd.DataFrame:
-    """The map, at the Ms of the frontier."""
+    """Return the map at the Ms of the frontier."""
     return tables.read("acceleration_map").query("ms_limit == @tables.MS")
 
 
 def by_order(table: pd.DataFrame) -> pd.DataFrame:
-    """Least IAE of each plant and noise, a column for each order."""
+    """Return the least IAE of each plant and noise, with a column for each order."""
     return table.pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
 
 
 def coverage() -> Markdown:
-    """How much of the study is there."""
+    """Say how much of the study is complete."""
     table = curves()
     none = table[table["iae"].isna()]
     named = ", ".join(f"{row.plant}, {KINDS[row.order]} at {row.noise_limit:g}" for row in none.itertuples())
@@ -48,7 +48,7 @@ def coverage() -> Markdown:
 
 
 def steps() -> pd.DataFrame:
-    """For each plant what the next kind saves at the loudest noise, and from which noise on it saves a tenth."""
+    """Return for each plant the saving by the next kind at the loudest noise, and the noise where it is a tenth."""
     wide = by_order(curves())
     rows = {}
     for plant, table in wide.groupby(level="plant", sort=False):
@@ -65,7 +65,7 @@ def steps() -> pd.DataFrame:
 
 
 def savings(ms: float = tables.MS) -> pd.DataFrame:
-    """What each further derivative saves over all plants and noise, and on how many plants it reaches a tenth."""
+    """Return the saving by each further derivative, and the number of plants on which it reaches a tenth."""
     wide, rows = by_order(curves(ms)), {}
     for order in (1, 2, 3):
         saves = (1 - wide[order] / wide[order - 1]).dropna()
@@ -79,13 +79,13 @@ def savings(ms: float = tables.MS) -> pd.DataFrame:
 
 
 def bought() -> pd.DataFrame:
-    """How much smaller the least IAE is at the larger Ms, in the median over plants and noise."""
+    """Return by how much the least IAE is smaller at the larger Ms, in the median over plants and noise."""
     smaller = (1 - by_order(curves(LESS_ROBUST)) / by_order(curves())).median()
     return pd.DataFrame([smaller.map("{:.0%}".format).to_list()], ["IAE smaller by"], KINDS)
 
 
 def mapped() -> dict[str, pd.DataFrame]:
-    """Shares that acceleration saves, a table for each family: dead time downwards, noise to the right."""
+    """Return the savings by acceleration, a table for each family: dead time downwards, noise to the right."""
     wide = by_order(acceleration_map())
     saves = (1 - wide[2] / wide[1]).rename("saves").reset_index()
     parts = saves["plant"].str.extract(r"^(?P<family>.*?) ?delay=(?P<delay>[0-9.]+)$")
@@ -100,7 +100,7 @@ def mapped() -> dict[str, pd.DataFrame]:
 
 
 def law() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Where acceleration pays, from all plants of the frontier and the map: a fit, the farthest plants, exceptions."""
+    """Describe on which plants of frontier and map acceleration pays: a fit, the farthest plants, exceptions."""
     wide = by_order(pd.concat([curves(), acceleration_map()]))
     saves = (1 - wide[2] / wide[1]).dropna().rename("saves").reset_index()
     saves = saves.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")

@@ -1,4 +1,4 @@
-"""The map of the page: roll-off and dead time of a plant lead to a kind, a rule, a saving, and the lab."""
+"""The map of the page, from roll-off and dead time of a plant to a kind, a rule, a saving, and the lab."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ ROLLOFF = (-np.inf, 0.5, 1.0, 1.5, 2.0, np.inf)
 DEAD = (-np.inf, 1e-3, 0.1, 0.2, 1 / 3, 2 / 3, np.inf)
 ROWS = ("< 0.5", "0.5–1", "1–1.5", "1.5–2", "≥ 2")
 COLUMNS = ("0", "< 0.1", "0.1–0.2", "0.2–0.33", "0.33–0.67", "≥ 0.67")
-FEW = 3  # plants of a field, of which a rule must serve as many for a recommendation
-DIGITS = 9  # beyond them two plants are equally typical and two rules equally near: the first is taken
+FEW = 3  # number of plants of a field on which a rule must work to be recommended
+DIGITS = 9  # if plants or rules are equal to these digits, the first one is used
 UPWARDS = "writing-mode: vertical-rl; transform: rotate(180deg); width: 1.6rem"
 PERIODS = 6.0  # ultimate periods that the lab shows
 
 
 def fields() -> pd.DataFrame:
-    """The 134 plants, with the field of the map that each is in."""
+    """Return the 134 plants with their fields of the map."""
     table = tables.plants()
     row = pd.cut(table["rolloff"], ROLLOFF, right=False, labels=False)
     return table.assign(row=row, column=pd.cut(table["dead_time"], DEAD, right=False, labels=False))
 
 
 def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, object]:
-    """What the study says of the plants of a field."""
+    """Return the results of the study for the plants of a field."""
     saves, loud = (table[table["plant"].isin(some["plant"])] for table in study)
     steps = saves.groupby("terms")[["pid", "saves"]].median()
     saves = saves.groupby("terms")["saves"]
@@ -51,7 +51,7 @@ def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, obje
 
 
 def lab(plant: pd.Series, kind: str) -> str:
-    """The address of the lab with a plant, the best controller of a kind, and that of the kind below."""
+    """Return the address of the lab with a plant, the best controller of a kind, and that of the kind below."""
     num, den = ([float(x) for x in plant[key].split()] for key in ("num", "den"))
     given = {"num": num, "den": den, "delay": float(plant["delay"])}
     given["end"] = float(f"{PERIODS * plant['ultimate_period']:.3g}")
@@ -63,7 +63,7 @@ def lab(plant: pd.Series, kind: str) -> str:
 
 
 def advice(rule: str | None, distance: float | None) -> str:
-    """Which rule to use: one of whose IAE the optimum would save less than a tenth, or else the optimum."""
+    """Return the rule to use, one on which the optimum saves less than a tenth of the IAE, or else the optimum."""
     if rule is None:
         return "none serves here: take the optimum, in the lab or by pidalab.tune"
     far = f"{rule} has {distance:.2f} times the least IAE in the median"
@@ -75,7 +75,7 @@ def advice(rule: str | None, distance: float | None) -> str:
 
 
 def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
-    """What a click on a field shows."""
+    """Return the panel that a click on a field shows."""
 
     def saving(term: str) -> str:
         middle, least, most = (f"{100 * x:.0f}" for x in found["saves"][term])
@@ -99,7 +99,7 @@ def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
 
 
 def shown() -> HTML:
-    """The map: a field for each pair of ranges, coloured by the kind to take where noise may be loud."""
+    """Return the map, with a field for each pair of ranges, coloured by the kind of controller for loud noise."""
     table, body, panels = fields(), [], []
     study = tables.pays(), tables.compared("loud").dropna(subset=["of_best"])
     for i in reversed(range(len(ROWS))):

@@ -1,4 +1,4 @@
-"""A random part of the tables computed anew by the library, and compared: the tests of the pages do it."""
+"""Compute a random part of the tables again by the library, and compare. The tests of the pages do it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from pidalab.simulation.exact import simulate_until_settled
 
 import tables
 
-DRIFT = 2e-3  # share; the tables have five digits
-DRIFT_OPTIMUM = 1e-2  # an optimum is flat: a search may end a little elsewhere
+DRIFT = 2e-3  # relative; the tables have five digits
+DRIFT_OPTIMUM = 1e-2  # an optimum is flat, so a search may end slightly elsewhere
 
 
 def process(row: Any) -> pidalab.Process:
-    """The plant of a row of processes.csv."""
+    """Return the plant of a row of processes.csv."""
     num, den = ([float(c) for c in text.split()] for text in (str(row.num), str(row.den)))
     return pidalab.Process(num, den, row.delay)
 
 
 def rule(row: Any, plant: Any) -> float:
-    """IAE of a load step with the rule of a row, in units of the plant."""
+    """Return the IAE of a load step with the rule of a row, in units of the plant."""
     model = process(plant)
     noise, sample = tables.NOISE["loud"] * plant.ultimate_gain, plant.ultimate_period / 100
     makers = designs(model, Requirements(ms=tables.MS, noise_gain=noise, sample_time=sample), [row.rule])
@@ -34,7 +34,7 @@ def rule(row: Any, plant: Any) -> float:
 
 
 def optimum(row: Any, plant: Any) -> float:
-    """Least IAE that the search finds now under the limits of a row, in units of the plant."""
+    """Return the least IAE of a new search under the limits of a row, in units of the plant."""
     noise, sample = row.noise_limit * plant.ultimate_gain, plant.ultimate_period / 100
     found = pidalab.optimal.load(
         process(plant), row.order, ms=row.ms_limit, noise_gain=noise, sample_time=sample
@@ -43,7 +43,7 @@ def optimum(row: Any, plant: Any) -> float:
 
 
 def stored(row: Any, plant: Any) -> float:
-    """IAE of the stored controller of a row, in units of the plant; infinite where it does not keep the limit of Ms."""
+    """Return the IAE of the stored controller of a row, in units of the plant, infinite if it violates Ms."""
     unit, period = plant.ultimate_gain, plant.ultimate_period
     gains = [row[f"k{k}"] * unit * period**k for k in range(-1, row["order"] + 1)]
     controller = pidalab.HighOrderPID(gains, row["filter_time"] * period, row["order"] + 1)
@@ -54,16 +54,16 @@ def stored(row: Any, plant: Any) -> float:
 
 
 def load_iae(loop: pidalab.Loop, plant: Any) -> float:
-    """IAE of a load step, in units of the plant."""
+    """Return the IAE of a load step, in units of the plant."""
     response = simulate_until_settled(pidalab.load_response, loop, 24 * plant.ultimate_period)
     return response.iae(horizon=math.inf) * plant.ultimate_gain / plant.ultimate_period
 
 
 def drift(share: float, searched: int, seed: int | None = None) -> str:
-    """Compute a random share of the rows anew, and search for a few of the optima again; raise where one is off.
+    """Compute a random share of the rows and a few optima again. Raise if one is wrong.
 
-    An optimum is off if its stored controller has another IAE or misses Ms, or if the search now finds a better one;
-    a search that ends above it refutes nothing. The seed is drawn anew at each run, and named where a row is off.
+    An optimum is wrong if its stored controller has another IAE or violates Ms, or if a new search finds a better one.
+    A search that ends above it proves nothing. Each run has a new seed, which the error names.
     """
     drawn = int(np.random.SeedSequence(seed).generate_state(1)[0]) if seed is None else seed
     rng, plants = np.random.default_rng(drawn), tables.read("processes").set_index("plant")
@@ -85,7 +85,7 @@ def drift(share: float, searched: int, seed: int | None = None) -> str:
 
 
 def _drawn(table: pd.DataFrame, share: float, rng: np.random.Generator) -> pd.DataFrame:
-    """A random share of the rows, at least one."""
+    """Return a random share of the rows, at least one."""
     return table.iloc[rng.permutation(len(table))[: math.ceil(share * len(table))]]
 
 

@@ -1,7 +1,7 @@
-"""What the pages across the papers read from the tables of the studies: joined, counted, put into words.
+"""Join and summarise the tables of the studies for the pages across the papers.
 
-All numbers are in units of a plant's own ultimate gain and period, see ``studies/own_units.py`` and the README beside
-the tables.
+All numbers are in units of a plant's ultimate gain and period (see ``studies/own_units.py`` and the README of the
+tables).
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from pidalab.comparison import benchmarking
 
 DATA = Path(__file__).parents[1] / "data"
 KINDS = ("PI", "PID", "PIDA")
-MS = 1.4  # of all that is compared at equal terms
+MS = 1.4  # maximum sensitivity at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gain
-WORTH = 0.1  # share of the IAE that a step from kind to kind must save, at equal Ms and noise, to pay
-NEAR = 1.2  # times the least IAE: a rule as good as the best for most purposes
-SERVES = 0.75  # share of a class of plants that a rule must serve to be recommended for it
+WORTH = 0.1  # least saving of IAE by the next kind, at equal Ms and noise, that pays
+NEAR = 1.2  # a rule with at most this multiple of the least IAE is as good as the best for most purposes
+SERVES = 0.75  # share of a class of plants on which a rule must work to be recommended
 CLASSES = (
     "integrating",
     "lag-dominated",
@@ -29,14 +29,14 @@ CLASSES = (
 
 
 def read(name: str) -> pd.DataFrame:
-    """A table of a study."""
+    """Return a table of a study."""
     if (benchmarking.TABLES / f"{name}.csv").exists():
         return benchmarking.stored(name)
     return pd.read_csv(DATA / f"{name}.csv", keep_default_na=True)
 
 
 def plants() -> pd.DataFrame:
-    """The 134 plants with their class."""
+    """Return the 134 plants with their class."""
     table = read("processes").query("family not in ('frontier', 'map')")
     dead = table["dead_time"]
     names = np.select([dead == 0, dead < 1 / 3, dead < 2 / 3], CLASSES[:3], CLASSES[3])
@@ -44,7 +44,7 @@ def plants() -> pd.DataFrame:
 
 
 def optima(ms: float = MS) -> pd.DataFrame:
-    """The best controllers, with the names of kinds and terms."""
+    """Return the best controllers, with the names of kinds and terms."""
     table = read("optima").query("ms_limit == @ms")
     terms = {noise: name for name, noise in NOISE.items()}
     kinds = dict(enumerate(KINDS))
@@ -52,13 +52,13 @@ def optima(ms: float = MS) -> pd.DataFrame:
 
 
 def frontier() -> pd.DataFrame:
-    """Least IAE of each plant, a row for each of the terms and a column for each kind."""
+    """Return the least IAE of each plant, with a row for each of the terms and a column for each kind."""
     found = optima().pivot_table(index=["plant", "terms"], columns="kind", values="iae")
     return found[[kind for kind in KINDS if kind in found]]
 
 
 def compared(terms: str) -> pd.DataFrame:
-    """Every rule at equal terms: its IAE over the least of its own kind, and over the least of all kinds."""
+    """Return every rule at equal terms, with its IAE over the least of its kind and of all kinds."""
     rules = read("comparison").query("terms == @terms")
     least = frontier().xs(terms, level="terms")
     of_kind = least.stack().rename("least_of_kind").reset_index()
@@ -68,7 +68,7 @@ def compared(terms: str) -> pd.DataFrame:
     return out.assign(of_kind=out["iae_load"] / out["least_of_kind"], of_best=out["iae_load"] / out["least"])
 
 
-SPELLED = {  # names of the library that are letters, or one of two tests
+SPELLED = {  # names in the library that are abbreviations, or for one of two tests
     "amigo": "AMIGO",
     "direct load": "direct search (load)",
     "direct setpoint": "direct search (set point)",
@@ -82,32 +82,32 @@ SPELLED = {  # names of the library that are letters, or one of two tests
 
 
 def name(row: Any) -> str:
-    """Name of a rule with its kind."""
+    """Return the name of a rule with its kind."""
     return with_kind(row.rule.replace("Ziegler-Nichols", "ZN").replace("automatic reset", "reset"), row.kind)
 
 
 def written(rule: str) -> str:
-    """Name of a rule as a reader knows it, its index below the line."""
+    """Return the name of a rule for a reader, with its index below the line."""
     return SPELLED.get(rule, rule).replace("_1", "₁").replace("_2", "₂")
 
 
 def spelled(table: pd.DataFrame) -> pd.DataFrame:
-    """A table of rules and kinds with the rules as a reader knows them."""
+    """Return a table of rules and kinds with the names for a reader."""
     return table.rename(index=written, level="rule")
 
 
 def with_kind(rule: str, kind: str) -> str:
-    """Name of a rule with its kind, unless it ends with that."""
+    """Return the name of a rule with its kind, unless it ends with that."""
     return written(rule) if is_of(rule, kind) else f"{written(rule)} {kind}"
 
 
 def is_of(rule: str, kind: str) -> bool:
-    """Whether the name of a rule ends with a kind, which may have an index."""
+    """Return True if the name of a rule ends with a kind, which may have an index."""
     return rule.rstrip("_12₁₂").endswith(kind)
 
 
 def served() -> pd.DataFrame:
-    """What became of every rule on every plant, counted: no row of the study is left out."""
+    """Count the outcomes of every rule on all plants, with all rows of the study."""
     own = read("comparison").query("terms == 'own'")
     fate = np.select(
         [own["ms"].notna() & (own["ms"] > 0), own["reason"].str.contains("unstable", na=False)],
@@ -121,7 +121,7 @@ def served() -> pd.DataFrame:
 
 
 def ranking(terms: str = "loud") -> pd.DataFrame:
-    """Rules by the median of their distance to the frontier of all kinds at equal terms."""
+    """Rank rules by the median of their distance to the frontier of all kinds at equal terms."""
     table = compared(terms).dropna(subset=["of_best"])
     groups = table.groupby(["rule", "kind"])
     out = pd.DataFrame(
@@ -137,7 +137,7 @@ def ranking(terms: str = "loud") -> pd.DataFrame:
 
 
 def own_settings() -> pd.DataFrame:
-    """Rules as they come: what robustness and noise their authors' settings have, and the worst of a wrong model."""
+    """Return robustness and noise of rules with their authors' settings, and the worst values of a wrong model."""
     own = read("comparison").query("terms == 'own'").dropna(subset=["ms"])
     groups = own.groupby(["rule", "kind"])
     out = {
@@ -151,7 +151,7 @@ def own_settings() -> pd.DataFrame:
 
 
 def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:
-    """The rule with the smallest median distance among those that serve enough of a class."""
+    """Return the rule with the smallest median distance among those that work on enough plants of a class."""
     count = plants().groupby("class", observed=True).size()
     table = compared(terms).dropna(subset=[distance])
     groups = table.groupby(["class", "kind", "rule"], observed=True)[distance]
@@ -164,7 +164,7 @@ def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:
 
 
 def pays() -> pd.DataFrame:
-    """What acceleration saves on every plant, at both terms: 1 - IAE of PIDA over that of PID."""
+    """Return the saving by acceleration on every plant, at both terms: 1 - IAE of PIDA over that of PID."""
     least = frontier().reset_index()
     return least.assign(saves=1 - least["PIDA"] / least["PID"], pid=1 - least["PID"] / least["PI"]).merge(
         plants(), on="plant"

@@ -1,4 +1,4 @@
-"""What the page on all plants says: tables and sentences, with their numbers and their verdicts from the studies."""
+"""Tables and sentences of the page on all plants, with numbers and verdicts from the studies."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from IPython.display import HTML, Markdown
 
 import tables
 
-ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # as of one lag and less, as of two lags and more
-FEW = 20  # plants that a rule must serve to have a line in a figure
+ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # limits of one and of two lags
+FEW = 20  # number of plants on which a rule must work to be drawn
 
 
 def percent(values: pd.Series) -> pd.Series:
-    """Shares in per cent."""
+    """Write shares in per cent."""
     return values.map("{:.0%}".format)
 
 
 def acceleration() -> pd.DataFrame:
-    """When acceleration pays, and what it saves of the IAE, by the roll-off of the plant."""
+    """Describe when acceleration pays, and its saving of IAE, by the roll-off of the plant."""
     table = tables.pays().dropna(subset=["saves"])
     table["roll-off"] = pd.cut(
         table["rolloff"], ROLLOFF, right=False, labels=["below 1", "1 to 2", "2 or more"]
@@ -46,7 +46,7 @@ def acceleration() -> pd.DataFrame:
 
 
 def law() -> Markdown:
-    """A straight line through the savings, and the plants farthest from it."""
+    """Fit a straight line to the savings, and name the plants farthest from it."""
     table = tables.pays().query("terms == 'loud'").dropna(subset=["saves"])
     slope, start = np.polyfit(table["rolloff"], table["saves"], 1)
     off = table.assign(off=table["saves"] - start - slope * table["rolloff"])
@@ -61,12 +61,12 @@ def law() -> Markdown:
 
 
 def kind(pid: float, pida: float) -> str:
-    """The kind to take, from the shares of the IAE that a PID saves of a PI's, and a PIDA of a PID's."""
+    """Return the kind of controller to use, from the savings of PID over PI and of PIDA over PID."""
     return "PIDA" if pida >= tables.WORTH else "PID" if pid >= tables.WORTH else "PI"
 
 
 def simplest() -> pd.DataFrame:
-    """For each of the plants and both limits of noise the kind to take: the last whose step pays."""
+    """Return for each plant and both limits of noise the kind to use, the last one that pays."""
     found = tables.optima().pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
     table = found[[0, 1, 2]].dropna()
     enough = [
@@ -77,7 +77,7 @@ def simplest() -> pd.DataFrame:
 
 
 def nearest() -> pd.DataFrame:
-    """For each class of plants the rule nearest to the best of its kind, and the one nearest to the best of all."""
+    """Return for each class of plants the rules nearest to the best of their kind, and to the best of all."""
     of_all = tables.nearest("loud", ["class"], "of_best")
     of_all["rule"] = [tables.with_kind(*pair) for pair in of_all[["rule", "kind"]].to_numpy()]
     of_all = of_all.assign(kind="all").set_index("kind", append=True)
@@ -93,7 +93,7 @@ def nearest() -> pd.DataFrame:
 
 
 def saved() -> pd.DataFrame:
-    """For each class of plants what a PIDA saves of the IAE of a PID, and a PID of that of a PI, in the median."""
+    """Return for each class of plants the median savings of PIDA over PID and of PID over PI."""
     groups = tables.pays().groupby(["class", "terms"], observed=True)
     medians = groups[["pid", "saves"]].median().apply(percent).unstack()
     found = {
@@ -104,7 +104,7 @@ def saved() -> pd.DataFrame:
 
 
 def answer() -> HTML:
-    """For each class of plants the kind to take where noise may be loud, and the rule nearest to the best of all."""
+    """Return for each class of plants the kind to use with loud noise, and the rule nearest to the best of all."""
     medians = (
         tables.pays().query("terms == 'loud'").groupby("class", observed=True)[["pid", "saves"]].median()
     )
@@ -121,7 +121,7 @@ def answer() -> HTML:
 
 
 def model_error() -> pd.DataFrame:
-    """What is lost by the optima when gain, time and dead time are off by a fifth, and how many rules lose less."""
+    """Return the loss of the optima for errors of a fifth in the model, and the number of rules that lose less."""
     best = tables.optima().query("terms == 'loud'").dropna(subset=["iae"])
     medians = {name: rows["ms_worst"].median() for name, rows in by_worst().items()}
     rows = {}
@@ -144,7 +144,7 @@ def model_error() -> pd.DataFrame:
 
 
 def by_distance(terms: str) -> dict[str, pd.DataFrame]:
-    """Rules at equal terms by the median of their distance to the frontier, and the optima of each kind."""
+    """Return rules at equal terms by the median of their distance to the frontier, and the optima of each kind."""
     rules = tables.compared(terms).dropna(subset=["of_best"])
     rules = rules[rules.groupby(["rule", "kind"])["plant"].transform("size") >= FEW]
     least = tables.frontier().xs(terms, level="terms")
@@ -154,7 +154,7 @@ def by_distance(terms: str) -> dict[str, pd.DataFrame]:
 
 
 def by_worst() -> dict[str, pd.DataFrame]:
-    """Rules and optima at loud equal terms by the median of the largest Ms over the plants that are off."""
+    """Return rules and optima at loud equal terms by the median of the largest Ms over changed plants."""
     rules = tables.compared("loud").dropna(subset=["ms_worst"])
     rules = rules[rules.groupby(["rule", "kind"])["plant"].transform("size") >= FEW]
     best = tables.optima().query("terms == 'loud'").dropna(subset=["ms_worst"])
@@ -162,13 +162,13 @@ def by_worst() -> dict[str, pd.DataFrame]:
 
 
 def ordered(table: pd.DataFrame, value: str) -> dict[str, pd.DataFrame]:
-    """Groups of rows by rule and kind, the smallest median first."""
+    """Return groups of rows by rule and kind, the smallest median first."""
     groups = {tables.name(rows.iloc[0]): rows for _, rows in table.groupby(["rule", "kind"])}
     return dict(sorted(groups.items(), key=lambda pair: pair[1][value].median()))
 
 
 def coverage() -> Markdown:
-    """How much of the studies is there: all of the 134 plants, or as many as have run."""
+    """Say how much of the studies is complete, all of the 134 plants or those that have run."""
     everything = len(tables.plants())
     rules, best = tables.read("comparison")["plant"].nunique(), tables.optima()["plant"].nunique()
     rows = tables.read("comparison")

@@ -1,6 +1,6 @@
 """Judge the six short programs that the lectures ask for, by what they compute on random cases.
 
-A task is a function that the reader writes; its name says which task it answers.
+A task is a function that the reader writes. Its name says which task it answers.
 """
 
 from collections.abc import Callable, Iterator
@@ -60,7 +60,7 @@ def pi_increment(random: np.random.Generator) -> Iterator[Case]:
     yield (e, before, kp, ti, h), kp * (e - before) + kp * h / ti * e
 
 
-# The usual slip of each task: what it gives instead, and the word that helps.
+# The usual mistakes of each task with their results and a hint.
 SLIPS: dict[str, tuple[Callable[..., Any], str]] = {
     "second_difference": (
         lambda new, middle, old, h: (new - 2 * middle + old) / h,
@@ -125,7 +125,7 @@ def shown(value: Any) -> str:
 
 
 def judge(answer: Callable[..., Any]) -> None:
-    """Print whether the function is right on random cases, and what helps if it is not.
+    """Print whether the function is right on random cases, with a hint if it is not.
 
     Parameters
     ----------

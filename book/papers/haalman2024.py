@@ -6,13 +6,13 @@ from itertools import product
 
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import brentq
 
 import pidalab
 from pidalab import plots
 from pidalab.rules import haalman
 
-t = np.linspace(0, 60, 6001)  # of every record: a sample each 0.01
+t = np.linspace(0, 60, 6001)  # times of every record, 0.01 apart
 processes = {"ex1": pidalab.lags(4), "ex2": pidalab.lags(8)}  # eqs. (11), (17)
 kinds = {"pida": "PIDA", "pid": "PID"}
 asked = {"ms14": 1.4, "ms20": 2.0}
@@ -71,15 +71,12 @@ def draw(loop, ex, ms):
     ends = (
         4 if ex == "ex1" else 15,
         last,
-    )  # of u after a step of the set point, and of the load
+    )  # u after a step of the set point, and of the load
     for (y, u), (test, step), end in zip(axes.T, tests.items(), ends, strict=True):
-        clean, noisy = (
-            {
-                label: pidalab.simulate(loop[f"{ex}.{kind}.{ms}"], t, **step, noise=n)
-                for kind, label in kinds.items()
-            }
-            for n in (0 * t, noise[0])
-        )
+        runs = {label: loop[f"{ex}.{kind}.{ms}"] for kind, label in kinds.items()}
+        clean = {k: pidalab.simulate(x, t, **step) for k, x in runs.items()}
+        step = step | {"noise": noise[0]}
+        noisy = {k: pidalab.simulate(x, t, **step) for k, x in runs.items()}
         plots.signal(y, clean, "y", until=last, faint=noisy)
         plots.signal(u, clean, "u", until=end, faint=noisy)
         y.set(title=f"{test.replace('setpoint', 'set-point')} step", xlabel="")
@@ -91,12 +88,10 @@ def draw(loop, ex, ms):
 def live_knob(model):
     """Return a live figure: PIDA loops on the model for two values of Ms, each with a knob of its own."""
     labels = {"Ms, solid": 1.4, "Ms, dashed": 2.0}
-    controllers = {}
-    for ms in labels.values():
-        gains = list(haalman.pida(model, ms, m=10).gains())
-        controllers[f"Ms {ms}"] = pidalab.HighOrderPID(
-            gains, filter_time=0.05, filter_order=3
-        )
+    gains = {
+        f"Ms {ms}": [*haalman.pida(model, ms, m=10).gains()] for ms in labels.values()
+    }
+    controllers = {name: pidalab.HighOrderPID(K, 0.05, 3) for name, K in gains.items()}
     knob = {"key": "ms", "low": 1.1, "high": 3, "step": 0.01}
     live = plots.live(
         model,
@@ -131,19 +126,6 @@ def read_own_model(ratio, alpha):
         return pidalab.identification.three_point(
             record, pidalab.open_loop_step(own_model(ratio, alpha), record).y
         )
-
-
-def refitted(models):
-    """Return the rms error of α in these models, with the constants of eq. (5) fitted to them."""
-    read = [read_own_model(*pair) for pair in models]
-    share = np.array([one.times[0] / one.apparent_delay for one in read])
-    lag = np.array([one.tau / one.times[0] for one in read])
-    alpha = np.array([alpha for _, alpha in models])
-
-    def misses(c):
-        return c[0] + c[1] * share - c[2] * lag ** c[3] - alpha
-
-    return np.sqrt(np.mean(least_squares(misses, [0.598, 0.4799, 0.41, 0.6]).fun ** 2))
 
 
 def with_peak(loop, top, t):

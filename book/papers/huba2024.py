@@ -16,8 +16,6 @@ from pidalab.rules import automatic_reset as ar, mrdp
 T_S, SPARE = 0.001, 0.1  # sample time; how far the limits lie beyond the states of rest
 STEPS = ("setpoint", "load")
 FREE = (-np.inf, np.inf)
-# kappa, tau_D, tau_A, tau_i of a search for clean shapes, see the audit
-SEARCHED = (0.1, 3.4, 0.85, 0.3)
 
 
 def plant(delay=1.0):
@@ -142,7 +140,7 @@ class Series(Controller):
 
 
 def higher(m, n, te=0.8, delay=1.0, real=False):
-    """Return the loop of PID^m of the multiple pole behind Q_n, T_f = te/n; its fastest zero is the reset.
+    """Return the loop of PID^m of the multiple pole behind Q_n, T_f = te/n. Its fastest zero is the reset.
 
     If that is one of a complex pair, both become real first, as in (26) to (29); or with
     `real` the fastest real zero is taken instead.

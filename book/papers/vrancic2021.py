@@ -15,7 +15,9 @@ T_S = 0.002  # sample time of Sections 3 and 4, s
 P = {
     1: pidalab.lags(4),  # (18)
     2: pidalab.lags(2, delay=0.5),  # (18)
-    3: pidalab.lags(3, delay=0.5),  # as used for Tables 3 to 5; (33) prints another
+    3: pidalab.lags(
+        3, delay=0.5
+    ),  # the process of Tables 3 to 5; (33) prints another one
     4: pidalab.lags(3, delay=1.0),  # (38)
     5: pidalab.Process([6.0], np.poly([-1, -2, -3])),  # (39)
     6: pidalab.Process([1.0], np.poly([-1, -3, -6])),  # (42); 0.0556 read as 1/18
@@ -79,7 +81,11 @@ def contest(g: int) -> dict[str, pidalab.Loop]:
     return {name: pidalab.Loop(P[g], C) for name, C in found.items()}
 
 
-ENDS = {5: (4, 4), 6: (4, 4), 7: (20, 40)}  # of the integrals of Tables 7 to 9, s
+ENDS = {
+    5: (4, 4),
+    6: (4, 4),
+    7: (20, 40),
+}  # ends of the integrals of Tables 7 to 9, in s
 
 
 def smooth(loop: pidalab.Loop, time: float, order: int = 2) -> pidalab.Loop:
@@ -119,7 +125,7 @@ def draw(
 
     Bands show two standard deviations of u, for white noise with the given one.
     """
-    shape = {"sharex": "col", "sharey": "row", "squeeze": False, "figsize": (6.4, 4.2)}
+    shape = {"sharex": "col", "sharey": "row", "squeeze": False, "figsize": (6.4, 3.6)}
     figure, axes = plt.subplots(2, len(columns), **shape)
     for k, (title, loops) in enumerate(columns.items()):
         (top, bottom), (start, end) = axes[:, k], spans[k] if spans else (0, 25)
@@ -154,14 +160,13 @@ def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
 def draw_contest(g: int, u_until: float) -> Figure:
     """Draw the output left, the control signal right; set-point step above load step."""
     t, loops = np.linspace(0, 4, 8001), contest(g)
-    figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.0))
+    figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.9))
     step = {x: pidalab.step_response(smooth(C, 0.01), t) for x, C in loops.items()}
     load = {x: pidalab.load_response(C, t) for x, C in loops.items()}
-    for row, runs, end in zip(axes, (step, load), (u_until, 4), strict=True):
-        plots.signal(row[0], runs, "y", until=4)
-        plots.signal(row[1], runs, "u", until=end)
-        row[0].set(ylabel="output y", xlabel="time, s")
-        row[1].set(ylabel="control u", xlabel="time, s")
+    for row, runs, u_end in zip(axes, (step, load), (u_until, 4), strict=True):
+        for ax, name, end in zip(row, "yu", (4, u_end), strict=True):
+            plots.signal(ax, runs, name, until=end)
+            ax.set(ylabel={"y": "output y", "u": "control u"}[name], xlabel="time, s")
     axes[0, 0].set_title("set-point step")
     axes[1, 0].set_title("load step")
     axes[0, 1].set_yscale("symlog", linthresh=10, linscale=2)

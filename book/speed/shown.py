@@ -1,4 +1,4 @@
-"""Tables and figures of the page on speed: all numbers come from the files that `make bench` writes."""
+"""Tables and figures of the page on speed, with all numbers from the files of `make bench`."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ STYLES = {  # mark, line and colour of each method
 
 
 def read(name: str) -> pd.DataFrame:
-    """A table of the benchmark."""
+    """Return a table of the benchmark."""
     return pd.read_csv(DATA / f"{name}.csv", comment="#")
 
 
 def rows(quantity: str) -> pd.DataFrame:
-    """Rows of one quantity that have a time."""
+    """Return the rows of one quantity that have a time."""
     table = read(FILES[0])
     return table[table["quantity"].eq(quantity) & table["seconds"].notna()]
 
 
 def machine() -> Markdown:
-    """What the tables were made with, from the line above each of them; said once where only the load differs."""
+    """Return the machine and the packages of the tables, from the line above each. Once if only the load differs."""
     heads = (
         (DATA / f"{name}.csv").read_text(encoding="utf-8").partition("\n")[0]
         for name in FILES
@@ -51,23 +51,23 @@ def machine() -> Markdown:
 
 
 def number(x: float) -> str:
-    """A ratio or a time with two digits."""
+    """Write a ratio or a time with two digits."""
     return f"{x:.2g}" if x < 100 else f"{x:,.0f}"
 
 
 def span(values: pd.Series) -> str:
-    """The least and the largest of some values."""
+    """Write the least and the largest of some values."""
     low, high = number(values.min()), number(values.max())
     return low if low == high else f"{low} to {high}"
 
 
 def size(error: float) -> str:
-    """An error as a power of ten, or that no digit is right."""
+    """Write an error as a power of ten, or say that no digit is right."""
     return f"{error:.0e}" if error < 1 else "no digit"
 
 
 def nearer() -> pd.DataFrame:
-    """How many responses by other methods came nearer to the reference than pidalab's, and how many were quicker."""
+    """Count responses by other methods that are more exact than pidalab's, and those that are faster."""
     table = rows("response")
     both = table.merge(
         table[table["method"] == OWN], on=["loop", "value"], suffixes=("", "_own")
@@ -87,7 +87,7 @@ def nearer() -> pd.DataFrame:
 
 
 def responses() -> pd.DataFrame:
-    """Times as ratios and largest errors over the loops, by method and number of points."""
+    """Return times as ratios and largest errors over the loops, by method and number of points."""
     table = rows("response")
     cells: dict[str, dict[str, str]] = {}
     for (method, points), some in table.groupby(["method", "value"], sort=False):
@@ -103,7 +103,7 @@ def responses() -> pd.DataFrame:
 
 
 def faster() -> pd.DataFrame:
-    """Where another method took less time than pidalab: how often, how long, how exact."""
+    """Describe the cases in which another method is faster than pidalab: number, time and error."""
     table = read(FILES[0])
     table = table[
         table["quantity"].isin(
@@ -126,7 +126,7 @@ def faster() -> pd.DataFrame:
 
 
 def cost(quantity: str, xlabel: str, log: bool = True) -> None:
-    """Time and error of every method over what the quantity varies."""
+    """Draw time and error of every method over the varied quantity."""
     table = rows(quantity)
     figure, axes = plt.subplots(1, 2, figsize=(6.4, 3.6))
     for method, (mark, line, colour) in STYLES.items():
@@ -151,7 +151,7 @@ def cost(quantity: str, xlabel: str, log: bool = True) -> None:
 
 
 def margins() -> pd.DataFrame:
-    """Margins by method: time as a ratio and the largest error over the loops."""
+    """Return margins by method, with time as a ratio and the largest error over the loops."""
     cells = {}
     for method, some in rows("margins").groupby("method", sort=False):
         cells[method] = {
@@ -164,7 +164,7 @@ def margins() -> pd.DataFrame:
 
 
 def optimum() -> pd.DataFrame:
-    """The solver beside differential evolution, by plant and order."""
+    """Compare the solver with differential evolution, by plant and order."""
     table = rows("optimum")
     own, peer = (
         table[table["method"].eq(OWN) == one].reset_index(drop=True)
@@ -189,7 +189,7 @@ def optimum() -> pd.DataFrame:
 
 
 def engines() -> pd.DataFrame:
-    """Each method at its most exact setting on four loops of huba2018: error, and time as a ratio."""
+    """Return error and time ratio of each method at its most exact setting on four loops of huba2018."""
     table = read(FILES[1])
     best = table.loc[
         table.groupby(["m", "n", "te", "method"], sort=False)["error"].idxmin()
@@ -205,7 +205,7 @@ def engines() -> pd.DataFrame:
 
 
 def portraits() -> pd.DataFrame:
-    """A portrait of many limited loops beside two other ways."""
+    """Compare a portrait of many limited loops with two other methods."""
     table = read(FILES[2])
     return pd.DataFrame(
         {
@@ -220,7 +220,7 @@ def portraits() -> pd.DataFrame:
 
 
 def ten_million() -> Markdown:
-    """What a portrait of ten million loops would need, by the time of those that were run."""
+    """Estimate the time of a portrait of ten million loops from that of the measured ones."""
     table = read(FILES[2]).set_index("method")
     each = table["cpu_seconds"]["portrait"] / table["sets"]["portrait"]
     one, two = (

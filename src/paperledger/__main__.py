@@ -1,9 +1,9 @@
 """Maintain the ledgers in ``book/ledger``: python -m paperledger COMMAND ...
 
-new KEY           write the files of a new paper, and list what else it needs
-update KEY ...    run the pages of papers and store what they compute
-show KEY ...      print ledgers, printed beside computed
-check             validate all files, print their scores, and list what a paper lacks
+new KEY           write the files of a new paper, and list its missing places
+update KEY ...    run the pages of papers and store their results
+show KEY ...      print ledgers, with printed and computed numbers
+check             validate all files, print their scores, and list missing places of papers
 manifest          store all claims, and print changes; review them line by line
 shake LIBRARY KEY ...  run pages with a slightly wrong package, and check that each row changes
 readme FILE ...   update the score in Markdown files

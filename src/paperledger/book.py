@@ -320,7 +320,7 @@ class Ledger:
         return self.rows[full]
 
     def printed(self, id: str) -> float:
-        """Return a printed number, for computations that start from what the paper prints.
+        """Return a printed number, for computations that start from printed results.
 
         Parameters
         ----------
@@ -426,7 +426,7 @@ class Ledger:
         return display.index(self.rows.values(), self.page, headings)
 
     def claims(self, *prefixes: str) -> Display:
-        """Return rows of the file, printed beside computed.
+        """Return rows of the file, with printed and computed numbers.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
 """Show rows as tables of claims and scores: HTML for a page, text for a terminal.
 
-The HTML carries classes and no styles except the widths of a bar; the colours of ``verdict-…`` are the site's.
+The HTML carries classes and no styles except the widths of a bar. The colours of ``verdict-…`` are the site's.
 """
 
 import re

@@ -11,7 +11,6 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
-from unittest.mock import patch
 
 from paperledger.book import Ledger, recording
 from paperledger.rows import MANIFEST, Row, book_title, find_folder, naming, write_rows, write_text
@@ -41,7 +40,9 @@ def execute(path: Path) -> Iterator[str]:
     """
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
-    with contextlib.chdir(here), patch("sys.path", [here, *sys.path]):
+    with contextlib.chdir(here), contextlib.ExitStack() as after:
+        sys.path.insert(0, here)
+        after.callback(sys.path.remove, here)
         for number, source in enumerate(sources, start=1):
             title = f"{path.name}, cell {number}"
             tree, last = ast.parse(source, title), None

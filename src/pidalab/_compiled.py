@@ -2,7 +2,7 @@
 
 Importing numba takes longer than most short answers, and compiling takes up to a minute. A process therefore starts in
 the plain forms, which give the same digits within rounding. Once it has spent a second in them it uses the compiled
-code if that is complete; otherwise it starts another process that compiles in the background. A call with large
+code if that is complete. Otherwise it starts another process that compiles in the background. A call with large
 arguments waits for compiled code. Without numba every call is plain.
 
 ``PIDALAB_COMPILE=1`` makes a process wait for compiled code from its first call, as tests, notebooks and benchmarks do.
@@ -38,7 +38,7 @@ MOST_ATTEMPTS = 6
 
 
 class Kernel:
-    """A function in both forms; compiled kernels call compiled kernels, and plain ones call plain ones.
+    """A function in both forms. Compiled kernels call compiled kernels, and plain ones call plain ones.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The compiled form; its code is kept in a folder that changes with the sources of all kernels."""
+        """The compiled form. Its code is kept in a folder that changes with the sources of all kernels."""
         import numba
 
         config: Any = numba.config
@@ -116,7 +116,7 @@ class Kernel:
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Make a function a kernel; the compiled form releases the interpreter's lock.
+    """Make a function a kernel. The compiled form releases the interpreter's lock.
 
     All kernels are in `pidalab.simulation`: a change of its sources compiles them all again.
     """
@@ -169,7 +169,7 @@ class Tier:
         return self.ready or (large and self.imports())
 
     def begin(self) -> None:
-        """Read from the environment what is wanted and possible."""
+        """Read from the environment whether compiled code is wanted and possible."""
         wish = os.environ.get("PIDALAB_COMPILE", "")
         off = wish == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
         try:
@@ -180,7 +180,7 @@ class Tier:
         self.ready = self.allowed and wish == "1" and self.imports()
 
     def imports(self) -> bool:
-        """Return True if numba can be imported; otherwise all later calls are plain."""
+        """Return True if numba can be imported. Otherwise all later calls are plain."""
         try:
             import numba  # noqa: F401
         except ImportError:
@@ -235,7 +235,7 @@ def is_complete() -> bool:
 
 
 def declare_complete() -> None:
-    """Record that all kernels are compiled; raise OSError if no code was kept."""
+    """Record that all kernels are compiled. Raise OSError if no code was kept."""
     folder = code_folder()
     if folder is None or not any(folder.rglob("*.nbi")):
         raise OSError(f"no compiled code of pidalab was kept in {folder or 'any folder'}")

@@ -38,7 +38,7 @@ class SeriesForm(NamedTuple):
 
 
 class FilteredGains(NamedTuple):
-    r"""Gains of the integral, the error and its derivatives behind one chain of equal lags; controllers are their sums.
+    r"""Gains of the integral, the error and its derivatives behind one chain of equal lags. Controllers are their sums.
 
     .. math:: \frac{K_{-1} s^{-1} + K_0 + K_1 s + \dots}{(1 + T_F s)^n}
 
@@ -59,7 +59,7 @@ class FilteredGains(NamedTuple):
 
 
 class IdealGains(NamedTuple):
-    """Parallel form ki/s + kp + kd s + ka s^2, without filters: what all other forms convert from.
+    """Parallel form ki/s + kp + kd s + ka s^2, without filters, from which all other forms are converted.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class IdealGains(NamedTuple):
         Returns
         -------
         StandardForm
-            With ``ti = inf`` where there is no integral action.
+            With ``ti = inf`` without integral action.
 
         Raises
         ------

@@ -29,8 +29,8 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
-LINE_POINTS = 4000  # of a line; a vector file drops invisible ones
-NOISY_POINTS = 400  # of a noisy line, of which a vector file would keep nearly all
+LINE_POINTS = 4000  # points of a line; a vector file drops invisible ones
+NOISY_POINTS = 400  # points of a noisy line, of which a vector file would keep nearly all
 
 
 def use_book_style() -> None:

@@ -76,7 +76,7 @@ class Process(Block):
     Raises
     ------
     TypeError
-        For a python-control system in place of coefficients: see `from_control`.
+        For a python-control system in place of coefficients (use `from_control`).
     ValueError
         For an improper rational part, a zero denominator, a negative dead time, NaN or infinity.
 
@@ -89,7 +89,7 @@ class Process(Block):
     >>> complex(P(1j * 0.0))
     (1+0j)
 
-    Products are those of blocks in series; nothing is cancelled:
+    Products are blocks in series, without cancellation:
 
     >>> 2 * pidalab.ipdt(1.0, delay=0.5) * pidalab.fopdt(1.0, lag=3.0, delay=1.0)
     Process(num=[2], den=[3, 1, 0], delay=1.5)

@@ -203,9 +203,9 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     .. math:: g(\omega)\,(1 + a\,\omega^2 + b\,\omega^4) = 1, \qquad
               b = \tau^4, \quad a = 4\tau^2\zeta^2 - 2\tau^2,
 
-    in the sense of least squares. The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`; it is never
+    in the sense of least squares. The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. It is never
     negative, because the lag alone never turns by more than :math:`\pi`. A process that is a second-order model with
-    dead time is returned as it is, whatever its damping.
+    dead time is returned unchanged, for any damping.
 
     ============  ==================
     heo2023       here
@@ -265,7 +265,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
 
 
 def _unit(process: Process) -> Process:
-    """Return the process divided by its static gain; raise if it is not stable or has none."""
+    """Return the process divided by its static gain. Raise if it is not stable or has none."""
     require_process("process", process)
     poles = roots(process.den)
     if np.any(poles.real >= 0):

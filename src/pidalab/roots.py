@@ -67,7 +67,9 @@ def _of_nonzero(coefficients: Array) -> Any:
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
-        raise ValueError(f"the coefficients {coefficients[:4]}... lie too far apart for their roots")
+        raise ValueError(
+            f"the coefficients {coefficients[:4]}... differ too much in size to compute their roots"
+        )
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)

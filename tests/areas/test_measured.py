@@ -1,4 +1,4 @@
-"""Areas from records: against those of the model, for steps, ramps, any change, closed loops; noise, short records."""
+"""Compare areas from records with areas of the model: steps, other inputs, closed loops, noise and short records."""
 
 import numpy as np
 import pytest
@@ -16,21 +16,21 @@ def step_record(process, horizon=50.0, h=0.01):
 
 
 def driven(process, t, u):
-    """Exact response to a held input."""
+    """Return the exact response to a held input."""
     return pidalab.simulate(pidalab.Loop(process, 0.0), t, load=u).y
 
 
 @pytest.mark.parametrize("process", [G1, G2, pidalab.sopdt(-3.0, 0.5, 0.6, 1.0)])
 @pytest.mark.parametrize("h", [0.01, 0.05])
 def test_step(process, h):
-    """The output starts smoothly, and so a coarse record is as good. What is left is rounding of y."""
+    """A coarse record is as good as a fine one, since the output starts smoothly. Only rounding of y is left."""
     found = areas.from_record(*step_record(process, h=h), 10, start=(0.0, 0.0))
     assert found.values == pytest.approx(areas.from_process(process, 10), rel=1e-5)
     assert found.settled
 
 
 def test_units_and_levels():
-    """From one level to another in units of their own; a change downwards; time in another unit."""
+    """Input and output have offsets and units, the step goes down, and time is in minutes."""
     t, _, y = step_record(G2)
     u = np.where(t < 4.0, 30.0, 26.0)
     y = 70.0 - 4.0 * 2.5 * np.concatenate([np.zeros(400), y[:-400]])
@@ -62,8 +62,8 @@ def test_record_of_a_closed_loop():
 @pytest.mark.parametrize("hold", [1, 5])
 @pytest.mark.parametrize(("process", "horizon", "noise"), [(G1, 30, 1e-2), (G2, 20, 1e-3)])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
-def test_uncertainty_is_that_of_many_records(process, horizon, noise, hold):
-    """White noise, and noise that is held for five samples: errors of 40 records against what each says of itself."""
+def test_uncertainty_matches_the_spread_of_many_records(process, horizon, noise, hold):
+    """Compare the errors of 40 records with their own uncertainty, for white noise and noise held for five samples."""
     t, u, y = step_record(process, horizon, h=0.02)
     rng, expected = np.random.default_rng(5), areas.from_process(process, 6)
     records = [
@@ -87,7 +87,7 @@ def test_uncertainty_is_that_of_many_records(process, horizon, noise, hold):
 @pytest.mark.parametrize(("h", "noise"), [(0.2, 1e-3), (0.02, 1e-2)])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
-    """Of 20 records nearly all claim enough, bias included, and are cut where next to nothing is left of the step."""
+    """Of 20 records, 90 % have errors within 2.5 uncertainties, and they are cut after the transient has ended."""
     t, u, y = step_record(process, 30.0, h)
     records = []
     for seed in range(20):
@@ -103,8 +103,8 @@ def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
 @pytest.mark.parametrize("step", [0.001, 0.01])
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.6])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
-def test_what_a_converter_rounds_away(step, noise):
-    """A tail below half a step does not show, and the record then looks like one without any noise."""
+def test_uncertainty_covers_quantisation(step, noise):
+    """A tail below half a quantum does not show, and the record looks noise-free."""
     t, u, y = step_record(G1, 50.0, 0.02)
     y = step * np.round(y / step + noise * np.random.default_rng(0).normal(size=t.size))
     found = areas.from_record(t, u, y, 6, start=(0.0, 0.0))
@@ -112,7 +112,7 @@ def test_what_a_converter_rounds_away(step, noise):
     assert found.uncertainty[1] < 30 * step
 
 
-def test_a_short_record_is_told():
+def test_a_short_record_warns():
     with pytest.warns(RecordWarning, match="still drifts at its end"):
         found = areas.from_record(*step_record(G1, 8.0), 4, start=(0.0, 0.0))
     error = np.abs(found.values - areas.from_process(G1, 4))
@@ -140,7 +140,7 @@ def test_a_record_gives_the_areas_of_its_arrays():
 # What the uncertainty is made of, computed in another way.
 
 
-def test_the_record_is_summed_up():
+def test_measured_areas_hold_levels_span_and_noise():
     t = 0.1 * np.arange(600)
     u = np.where(t < 2.0, 5.0, 7.0)
     y = 20.0 + driven(pidalab.lags(2), t, u - 5.0)

@@ -1,4 +1,4 @@
-"""A rule of the user on the stored plants: the judge of the library's rules, and tables recomputed from the rows."""
+"""Benchmark a user's rule on the stored plants, and recompute its tables and figure from the rows."""
 
 import io
 
@@ -34,7 +34,7 @@ def benchmark():
 
 
 def test_a_rule_of_the_library_gets_its_stored_rows():
-    """The stored table was made by the same judge, from another model of the plant only where the rule asks for one."""
+    """The study that stored the table measured the designs with the same function."""
     rule = pidalab.rules.registry.RULES["simc"]
     again = pidalab.benchmark(
         lambda p: rule.tune(p, "PI", Requirements(ms=1.4)), "simc", rule.models["PI"], PLANTS
@@ -90,7 +90,7 @@ def test_from_the_command_line(tmp_path):
 
 
 def test_plants_match_the_stored_tables():
-    """Each by the polynomials that were stored when its optima were found; names say the parameter."""
+    """Each plant has the name and the polynomials for which its optima were stored."""
     table = stored("processes").set_index("plant")
     cases = list(batch())
     assert len(cases) == len({case.name for case in cases}) == 134
@@ -106,7 +106,7 @@ def test_plants_match_the_stored_tables():
 
 @pytest.fixture(scope="module")
 def expected(benchmark):
-    """IAE over the least of a kind and of all, of this rule and of all others, by plain dictionaries."""
+    """Return IAE over the least IAE of a kind and of all kinds, for this rule and all others, by plain dictionaries."""
     optima = pd.read_csv(TABLES / "optima.csv")
     others = pd.read_csv(TABLES / "comparison.csv")
     table = {}
@@ -149,7 +149,7 @@ def test_latex_table_has_the_numbers_of_the_ranking(benchmark, terms):
 
 
 def test_a_plant_in_other_units_has_the_same_rows():
-    """A gain of 40, and minutes in place of seconds."""
+    """The plant has 40 times the gain, and time in minutes."""
     other = pidalab.Process([40.0], np.array(PLAIN.den) * 60.0 ** np.arange(3.0, -1.0, -1.0), 60.0)
     rows = [
         list(judge("simc", "", lambda p=process: simc(p, "PI"), process, pidalab.noise_scale(process)))

@@ -1,4 +1,4 @@
-"""All rules on one process: each is a row, measured on the process, and the optimum is the best of those in limits."""
+"""Compare all rules on one process: each is a row, and no row within the limits beats the optimum."""
 
 import pytest
 
@@ -15,7 +15,7 @@ def row(table, rule, kind):
     return found
 
 
-def test_nothing_in_the_limits_beats_the_optimum_of_its_kind(integrating):
+def test_no_rule_within_the_limits_beats_the_optimum_of_its_kind(integrating):
     for kind in ("PI", "PID", "PIDA"):
         best = row(integrating, "optimal", kind)
         assert integrating.keeps(best)
@@ -23,7 +23,7 @@ def test_nothing_in_the_limits_beats_the_optimum_of_its_kind(integrating):
         assert min(one.iae_load for one in rivals) >= best.iae_load * 0.999
 
 
-def test_a_rule_outside_its_validity_is_a_row_with_its_message(integrating):
+def test_a_rule_that_does_not_apply_is_a_row_with_the_reason(integrating):
     found = row(integrating, "direct load", "PIDA")
     assert not found.applies
     assert found.design is None
@@ -33,7 +33,7 @@ def test_a_rule_outside_its_validity_is_a_row_with_its_message(integrating):
         assert "keeps both limits" in text
 
 
-def test_a_filter_faster_than_the_sample_is_judged_as_a_controller_runs_it():
+def test_a_filter_faster_than_the_sample_uses_backward_differences():
     process = pidalab.lags(3, delay=1.0)
     table = pidalab.compare(process, sample_time=0.05, rules=["itae setpoint", "haalman"])
     assert "backward" in row(table, "itae setpoint", "PIDA").reason
@@ -43,7 +43,7 @@ def test_a_filter_faster_than_the_sample_is_judged_as_a_controller_runs_it():
     assert filtered.noise_gain == pytest.approx(pidalab.noise_gain(digital, 0.05))
 
 
-def test_the_table_shows_the_relative_noise_gain_whatever_the_sample_time():
+def test_relative_noise_gain_does_not_depend_on_the_sample_time():
     process, tables = pidalab.lags(3, delay=1.0), []
     for limits in ({}, {"noise_gain": 2.0, "sample_time": 0.1}):
         tables.append(pidalab.compare(process, **limits, rules=["simc"]))

@@ -1,4 +1,4 @@
-"""Designs at equal terms: Ms and noise are those asked for, proportions stay, nothing is scaled in silence."""
+"""Scale designs to equal terms: Ms and noise gain are as asked for, and the proportions of the rule stay."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ PLANTS = {
 
 @pytest.mark.parametrize("name", PLANTS)
 @pytest.mark.parametrize("noise", [0.4, 1e3])
-def test_the_terms_are_kept_on_the_process_itself(name, noise):
+def test_scaled_designs_have_the_ms_and_noise_asked_for(name, noise):
     process = PLANTS[name]
     model = process if name in ("lag", "integrating") else pidalab.reduction.to_fopdt(process).process
     design = classical.amigo(model)
@@ -35,7 +35,7 @@ def test_the_terms_are_kept_on_the_process_itself(name, noise):
 
 
 def test_the_gain_is_the_largest_with_this_sensitivity():
-    """Against a plain search over gains, each judged by the margins alone."""
+    """Compare with a search over gains."""
     design = classical.simc(BALANCED, "PI")
     fair = at_equal_terms(design, BALANCED, ms=1.4, noise_gain=100.0, sample_time=0.01)
     shares = np.linspace(0.5, 1.5, 201)
@@ -50,7 +50,7 @@ def test_the_gain_is_the_largest_with_this_sensitivity():
 
 
 def test_noise_is_kept_where_the_gain_jumps():
-    """On this plant a longer filter takes the largest allowed gain from one range to another, far below."""
+    """On this plant the largest allowed gain drops abruptly when the filter gets longer."""
     process = pidalab.Process([1.0], np.convolve([10.0, 1.0], [0.9, 1.0]), 0.1)
     model = pidalab.ipdt(0.0788086, delay=0.692509)
     design = pidalab.rules.mrdp.tune(model, 2, 3, 0.173127)

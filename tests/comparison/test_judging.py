@@ -1,4 +1,4 @@
-"""The judge: a design's loop with a plant, measured; what cannot be had is missing with a reason; and its tables."""
+"""Measure the loop of a design: its row of measures, rows without measures and their reason, and the tables."""
 
 import math
 
@@ -19,8 +19,8 @@ def row():
     return measure_row("mine", "PID", lambda: DESIGN, LAGS, sample_time=0.1, horizon=3.0)
 
 
-def test_a_row_has_what_its_loop_does(row):
-    """Held against long responses on a fine grid, and the measures of a loop."""
+def test_a_row_has_the_measures_of_its_loop(row):
+    """Compare with long responses on a fine grid."""
     loop, t = DESIGN.loop(LAGS), np.linspace(0.0, 200.0, 40001)
     load, setpoint, margins = (
         pidalab.load_response(loop, t),
@@ -43,7 +43,7 @@ def test_a_row_has_what_its_loop_does(row):
     assert all(math.isnan(getattr(row, name)) for name in ("iae_worst", "ms_worst", "price", "ms_sampled"))
 
 
-def test_a_falling_plant_is_judged_as_its_mirror():
+def test_a_negative_plant_has_the_measures_of_its_mirror():
     mirror = pidalab.Process(-LAGS.num, LAGS.den, LAGS.delay)
     design = Design(mirror, pidalab.PIDA(-1.0, 3.0, 0.8, n=5.0))
     falling = measure_row("mine", "PID", lambda: design, mirror, sample_time=0.1, horizon=3.0)
@@ -73,8 +73,8 @@ def test_a_refusal_and_an_unstable_loop_are_rows_without_measures():
     assert all(math.isnan(getattr(unstable, name)) for name in NUMBERS)
 
 
-def test_a_mistake_in_the_program_is_no_refusal():
-    """What a rule refuses is a row; what falls over otherwise is told."""
+def test_an_unexpected_exception_is_raised():
+    """Only a ValueError of the rule becomes a row."""
     with pytest.raises(AttributeError):
         measure_row("mine", "PI", lambda: None, LAGS, sample_time=0.1, horizon=3.0)
 

@@ -1,4 +1,4 @@
-"""Digital controllers of every kind, and records to run them over."""
+"""Provide digital controllers of every kind, and records to run them over."""
 
 import math
 
@@ -44,7 +44,7 @@ CASES = {
 
 
 def record(k, seed=0, n=300):
-    """Random set points that jump, a noisy measurement, spells in manual mode, and signals that act in between."""
+    """Return random set points, a noisy measurement, periods in manual mode and other inputs."""
     rng = np.random.default_rng(seed)
     jumps = np.repeat(rng.uniform(-1.0, 1.0, n // 20), 20)
     y = 0.7 * np.convolve(jumps, np.exp(-np.arange(40) / 8) / 8)[:n] + 0.02 * rng.normal(size=n)
@@ -65,7 +65,7 @@ def record(k, seed=0, n=300):
 
 
 def reference(k, rows):
-    """Control signals of the reference implementation."""
+    """Return the control signals of `DigitalController.step`."""
     k.reset()
     found = []
     for values in zip(*(x.tolist() for x in rows.values()), strict=True):

@@ -1,4 +1,4 @@
-"""Structured text, IEC 61131-3, as far as controllers are written in it: read strictly, translated to Python, run.
+"""Run the subset of structured text (IEC 61131-3) that the library writes: parse it strictly, translate it to Python.
 
 VAR sections with BOOL, INT, LREAL, arrays of them and instances of blocks; assignments, IF, FOR and calls of instances;
 comparisons, AND, OR, NOT, + - * and ABS. A name that is not declared, an assignment to a constant or to an input, and a
@@ -43,7 +43,7 @@ def literal(kind, text):
 
 
 def expression(text):
-    """An expression in Python, in which variables are attributes of `own`."""
+    """Translate an expression to Python, in which variables are attributes of `own`."""
     found, at = [], 0
     while at < len(text):
         token = TOKEN.match(text, at)
@@ -57,7 +57,7 @@ def expression(text):
 
 
 def python(body):
-    """The statements of a block as the source of a function of its instance."""
+    """Translate the statements of a block to the source of a function of its instance."""
     lines, indent, at = ["def run(own):"], "    ", 0
     while body[at:].strip():
         found = STATEMENT.match(body, at)
@@ -89,7 +89,7 @@ def truth(value):
 
 
 def read(text):
-    """The function blocks of a text by name: the variables of each, and the function that runs it."""
+    """Return the function blocks of a text by name: the variables of each, and the function that runs it."""
     blocks = {}
     plain = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S)
     for name, rest in re.findall(r"FUNCTION_BLOCK (\w+)\s+(.*?)END_FUNCTION_BLOCK", plain, re.S):
@@ -150,3 +150,7 @@ class Instance:
             vars(self)[name] = self._cast(kind, value)
         self._run(self)
         return self
+
+    def step(self, **inputs):
+        """Run the block once; return its control signal."""
+        return self(**inputs).control

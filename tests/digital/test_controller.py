@@ -1,4 +1,4 @@
-"""The digital controller at work: starts, modes, limits, windup, by hand and by what must hold."""
+"""Run the digital controller: start, modes, limits and windup, by hand and by invariants."""
 
 import dataclasses
 import math
@@ -31,8 +31,8 @@ def test_pi_controller_by_hand():
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_compiled_loop_is_the_reference_bit_for_bit(name):
-    """Proportional plant of gain 0: the loop's controller is on its own, with the limits that it has."""
+def test_simulation_matches_step_bit_for_bit(name):
+    """The plant has a gain of 0, so that the controller sees the set point and the noise alone."""
     k = dataclasses.replace(CASES[name], y_offset=0.0, bias=0.0)
     rows = record(k)
     t = k.sample_time * np.arange(300)
@@ -45,7 +45,7 @@ def test_the_compiled_loop_is_the_reference_bit_for_bit(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_units_change_nothing_but_the_scale(name):
+def test_another_unit_of_the_output_changes_no_control_signal(name):
     k = CASES[name]
     t, loop = k.sample_time * np.arange(400), Loop(lags(3), k)
     run = simulate_sampled(loop, t, 0.7, load=0.3)
@@ -62,7 +62,7 @@ def test_units_change_nothing_but_the_scale(name):
     np.testing.assert_allclose(simulate_sampled(Loop(plant, moved), t, 35.0, load=0.3).u, run.u, atol=1e-9)
 
 
-def test_rest_is_where_it_starts():
+def test_a_controller_starts_at_rest():
     for name, k in CASES.items():
         k.reset()
         y = k.y_offset + 0.4
@@ -95,8 +95,8 @@ def test_manual_signals_keep_the_limits_of_range_and_rate():
 
 
 @pytest.mark.parametrize("way", ["reset", "back-calculation", "clamping", None])
-def test_tracking_keeps_the_integral_from_running_away(way):
-    """A selector holds the actuator at 0.5 for long; released, the controller goes on from near there."""
+def test_tracking_prevents_windup(way):
+    """A selector holds the actuator at 0.5 for a long time. When released, the controller continues from near there."""
     k = PIDA(1.0, 2.0).discretise(0.1, anti_windup=way)
     k.reset(r=0.0, y=0.0)
     wanted = [k.step(0.3, 0.0, track=0.5) for _ in range(400)][-1]
@@ -135,7 +135,7 @@ def test_deadband_by_hand():
 
 
 def test_weights_by_hand():
-    """b = 0: a step of the set point moves the integral alone; c = 0: no derivative of it. The measurement as ever."""
+    """With b = c = 0 a step of the set point moves the integral alone. The weights do not affect the measurement."""
     free = STANDARD.discretise(0.1, b=0.0, c=0.0)
     free.reset(r=0.0, y=0.0)
     ki = STANDARD.kp / STANDARD.ti * 0.1
@@ -147,7 +147,7 @@ def test_weights_by_hand():
 
 
 def test_a_small_integral_adds_up_in_single_precision():
-    """Growth of a hundred-millionth of the integral in a sample, which rounding alone would lose, is carried over."""
+    """The increment per sample is 1e-8 of the integral. Rounding would lose it without the carry."""
     k = PIDA(1.0, 1000.0).discretise(0.001)
     assert k.coefficients["INTEGRAL_NEW"] == pytest.approx(1e-6)
     space = {}
@@ -161,7 +161,7 @@ def test_a_small_integral_adds_up_in_single_precision():
     assert single.integral_part == pytest.approx(8.002, abs=2e-6)
 
 
-def test_it_does_not_change():
+def test_a_digital_controller_is_immutable_and_compares_by_its_fields():
     k = CASES["plain_pi"]
     with pytest.raises(dataclasses.FrozenInstanceError):
         k.bias = 3.0
@@ -185,8 +185,8 @@ def test_it_does_not_change():
     [PIDA(2.0, 4.0, 2.0), PIDA(1.5, math.inf, 2.0), SeriesPIDA(1.0, 0.4, 0.0, 3.0, 0.2, 2)],
     ids=["pid", "pd", "reset"],
 )
-def test_transfer_function_beside_steps(own, method):
-    """An error of one impulse, sample by sample: the sum over z^-k is the transfer function, both ways."""
+def test_transfer_function_matches_steps(own, method):
+    """The impulse response, summed over z^-k, is the transfer function."""
     k = own.discretise(0.1, method)
     z = np.array([1.7, -1.6 + 0.5j, 2.5j])
     k.step(0.0, 0.0)  # a start at rest
@@ -211,8 +211,8 @@ PI, RESET = PIDA(2.0, 4.0), SeriesPIDA(0.5, 0.4, 0.05, 0.9, 0.2, 4)
         (PI.discretise(0.1, anti_windup="clamping"), ("clamping",)),
     ],
 )
-def test_both_doors_share_the_words_for_anti_windup(controller, available):
-    """`discretise` (None here) and `simulate_sampled` know all words, and refuse those that they cannot run."""
+def test_anti_windup_has_the_same_options_everywhere(controller, available):
+    """`discretise` (None here) and `simulate_sampled` reject the options that they cannot run."""
 
     def door(word):
         if controller is None:

@@ -1,4 +1,4 @@
-"""Filters of the set point as part of a digital controller."""
+"""Check filters of the set point in a digital controller."""
 
 import math
 
@@ -41,8 +41,8 @@ def test_methods(name):
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_a_digital_loop_runs_it(name):
-    """The simulation discretises a prefilter of the loop for a held set point, as zoh does here."""
+def test_prefilter_of_the_controller_matches_prefilter_of_the_loop(name):
+    """The simulation discretises a prefilter of the loop for a held set point, as the method zoh does."""
     process, t = pidalab.lags(3, delay=0.5), H * np.arange(400)
     filters = control.tf(*FILTERS[name])
     r = np.where(t < 10.0, 1.0, -0.5)
@@ -54,8 +54,8 @@ def test_a_digital_loop_runs_it(name):
     np.testing.assert_allclose(found.u, expected.u, rtol=1e-9, atol=1e-10)
 
 
-def test_a_design_takes_its_prefilter_along():
-    """huba2024: three lags and a lead before an automatic reset; the loop is that of the continuous design."""
+def test_discretise_includes_the_prefilter_of_a_design():
+    """The prefilter of huba2024 has three lags and a lead."""
     rule = pidalab.rules.automatic_reset
     design = rule.tune(pidalab.ipdt(1.0, delay=1.0), rule.PIDA_1, n=4, filter_time=0.2)
     h = 0.01
@@ -69,7 +69,7 @@ def test_a_design_takes_its_prefilter_along():
     assert "prefilter" not in repr(left)
 
 
-def test_it_starts_at_rest_and_works_in_manual_mode():
+def test_prefilter_starts_at_rest_and_runs_in_manual_mode():
     k = PIDA(1.0, math.inf).discretise(0.5, prefilter=control.tf([1.0], [0.5, 1.0]))
     assert [k.step(r, 0.0) for r in (1.0, 2.0, 2.0)] == [1.0, 1.5, 1.75]
     k.reset()

@@ -1,4 +1,4 @@
-"""Any input at all: the signal stays a number within its limits, and the next good sample goes on from there.
+"""Feed any input to the written code: the control signal stays within its limits.
 
 A sample with a signal that is no number is left out, in all languages alike. So a run with bad samples is the run
 without them, sample for sample: that is the trajectory that it returns to.
@@ -42,7 +42,7 @@ GCC = ["gcc", "-std=c99", "-O1", *WARNINGS, "-ffp-contract=off"]
 
 
 def compiler():
-    """gcc, or a skip that says so; where everything has to be there its lack is a failure."""
+    """Skip the test without gcc, or fail it in CI."""
     if shutil.which("gcc") is None:
         if os.environ.get("CI"):
             pytest.fail("no gcc: the written C cannot be judged")
@@ -50,7 +50,7 @@ def compiler():
 
 
 def rows_of(k, seed, n=N, share=0.02):
-    """Random signals about the working point, a share of each of which is bad; gains that are bad in spells."""
+    """Return rows of random signals about the working point, a share of which is bad."""
     rng = np.random.default_rng(seed)
     span = 3.0
     rows = {
@@ -70,7 +70,7 @@ def rows_of(k, seed, n=N, share=0.02):
 
 
 def needed(row):
-    """Whether a sample has all signals it needs, said in other words than in the code."""
+    """Return True if a sample has all signals that it needs."""
     names = ["setpoint", "measurement", *(["feedforward"] if "feedforward" in row else [])]
     names += ["manual_value"] if row["manual"] else []
     names += ["track_value"] if row["tracking"] else []
@@ -86,16 +86,34 @@ def by_step(k, row):
     return k.step(row["setpoint"], row["measurement"], manual, track, **more)
 
 
+def by_python(k):
+    """Return an instance of the written Python."""
+    space = {}
+    exec(k.python("loop"), space)
+    return space["Loop"]()
+
+
+def by_text(k):
+    """Return an instance of the written structured text."""
+    return Instance(read(k.structured_text("loop")), "loop")
+
+
+def reference_of(k):
+    """Return a function that runs the controller's own `step` with a row, after a reset."""
+    k.reset()
+    return lambda **row: by_step(k, row)
+
+
 @pytest.fixture(scope="module", params=CASES)
 def run(request):
-    """A controller, signals for it, and what `step` makes of them."""
+    """Return a controller, rows of inputs, and the output of `step` for each."""
     k = CASES[request.param]
     rows = rows_of(k, sum(map(ord, request.param)))
     k.reset()
     return k, rows, [(by_step(k, row), k.fault, k.at_limit) for row in rows]
 
 
-def test_it_stays_within_its_limits_and_says_what_it_left_out(run):
+def test_output_stays_within_limits_and_faults_are_reported(run):
     k, rows, found = run
     low, high = k.limits
     u = np.array([each[0] for each in found])
@@ -110,8 +128,8 @@ def test_it_stays_within_its_limits_and_says_what_it_left_out(run):
         before = signal
 
 
-def test_bad_samples_are_as_if_they_had_not_been(run):
-    """But in manual, where the operator drives the signal whatever the sensor says."""
+def test_bad_samples_are_skipped(run):
+    """Outside manual mode, where the operator drives the signal, a run with bad samples equals the run without them."""
     k, rows, found = run
     kept = [
         (row, each)
@@ -128,24 +146,18 @@ def test_bad_samples_are_as_if_they_had_not_been(run):
     assert np.array(outputs[0])[good].tolist() == outputs[1]
 
 
-def test_python_and_structured_text_do_the_same(run):
-    k, rows, found = run
-    space = {}
-    exec(k.python("loop"), space)
-    block = space["Loop"]()
-    for row, expected in zip(rows, found, strict=True):
-        assert (block.step(**row), block.fault, block.at_limit) == expected
-    block = Instance(read(k.structured_text("loop")), "loop")
-    for row, expected in zip(rows, found, strict=True):
-        block(**row)
-        assert (block.control, block.fault, block.at_limit) == expected
-    read_back = from_json(k.json())
-    for row, expected in zip(rows, found, strict=True):
+def test_python_structured_text_and_json_match_step(run):
+    k, rows, outputs = run
+    python, text, read_back = by_python(k), by_text(k), from_json(k.json())
+    for row, expected in zip(rows, outputs, strict=True):
+        assert (python.step(**row), python.fault, python.at_limit) == expected
+        text(**row)
+        assert (text.control, text.fault, text.at_limit) == expected
         assert by_step(read_back, row) == expected[0]
 
 
 def by_c(k, folder):
-    """The written C, compiled, to be called with rows: control signal, fault and limit of each."""
+    """Compile the written C; return a function that runs rows and returns control signal, fault and limit of each."""
     compiler()
     more = (", f" * k.feedforward, ", retuned != 0" * k.tunable)
     (folder / "loop.c").write_text(k.c("loop") + MAIN % more, encoding="utf-8")
@@ -165,20 +177,18 @@ def by_c(k, folder):
     return ran
 
 
-def test_c_does_the_same(run, tmp_path):
+def test_c_matches_step(run, tmp_path):
     k, rows, found = run
     assert by_c(k, tmp_path)(rows) == found
 
 
 @pytest.mark.parametrize("name", ["integral_tustin", "fed_clamping", "tuned_reset"])
-def test_gains_that_are_none_hold_it_too(name):
-    """Written to the running code, as a program or an operator may do; with good gains again it goes on."""
+def test_bad_gains_hold_the_output(name):
+    """A program or an operator may write a bad gain into the running code. With good gains it continues."""
     k = CASES[name]
-    space = {}
-    exec(k.python("loop"), space)
     low, high = k.limits
     for gain, usual in program(k).gains.items():
-        block = space["Loop"]()
+        block = by_python(k)
         for y in (0.0, 0.1, 0.2):
             before = block.step(1.0, y)
         for bad in (*BAD, 1e10, -0.5 if gain.endswith(("NEW", "OLD")) and gain.startswith("PART") else 1e99):
@@ -206,26 +216,6 @@ LOOPS = {
 SPELLS = (*SIGNALS, "all, now and then")
 
 
-def by_python(k):
-    """The written Python, to be called with a row."""
-    space = {}
-    exec(k.python("loop"), space)
-    block = space["Loop"]()
-    return lambda row: block.step(**row)
-
-
-def by_text(k):
-    """The written structured text, to be called with a row."""
-    block = Instance(read(k.structured_text("loop")), "loop")
-    return lambda row: block(**row).control
-
-
-def reference_of(k):
-    """A controller's own step, from its beginning, to be called with a row."""
-    k.reset()
-    return lambda row: by_step(k, row)
-
-
 def closed(k, code, spell=None):
     """A lag of 1 in closed loop with some code; rows and outputs. Set point and load step while a spell lasts.
 
@@ -244,7 +234,7 @@ def closed(k, code, spell=None):
             for name in set(bad) & set(row):
                 row[name] = BAD[rng.integers(len(BAD))]
                 row |= {"manual_value": {"manual": True}, "track_value": {"tracking": True}}.get(name, {})
-        u = code(row)
+        u = code(**row)
         rows.append(row)
         found.append((x - k.bias, u))
         x += -math.expm1(-H) * (u - 0.5 * late - x)
@@ -276,12 +266,12 @@ def test_a_loop_returns_within_twenty_samples_of_the_last_bad_one(name, tmp_path
         most = np.max(apart[: last + 1], axis=0)
         assert most[0] > 0.2, spell  # the spell was felt
         assert np.all(apart[last + RETURN :] < RESIDUE * np.maximum(1.0, most)), spell
-        for written in (by_python(k), by_text(k), reference_of(from_json(k.json()))):
-            assert closed(k, written, spell)[1].tolist() == found.tolist()
+        for code in (by_python(k).step, by_text(k).step, reference_of(from_json(k.json()))):
+            assert closed(k, code, spell)[1].tolist() == found.tolist()
         assert [u for u, *_ in c(rows)] == found[:, 1].tolist()
 
 
-def test_manual_drives_the_signal_while_the_sensor_is_broken_and_hands_over_without_a_bump():
+def test_manual_mode_works_with_a_broken_sensor_and_transfers_without_a_bump():
     k = PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 100.0), bias=40.0)
     assert k.step(1.0, 1.0) == 40.0
     assert k.step(1.0, math.nan) == 40.0
@@ -298,7 +288,7 @@ def test_manual_drives_the_signal_while_the_sensor_is_broken_and_hands_over_with
 @pytest.mark.parametrize("h", [1.0, 30.0, 90.0])
 @pytest.mark.parametrize("b", [1.0, 0.0])
 def test_clamping_does_not_lock(h, limits, b):
-    """A growth of the integral within one sample may be more than the whole range."""
+    """The increment of one sample may exceed the range of the actuator."""
     for sign in (1.0, -1.0):
         k = PIDA(5.0, 100.0).discretise(h, limits=limits, anti_windup="clamping", bias=50.0, b=b)
         k.step(0.0, 0.0)
@@ -307,13 +297,11 @@ def test_clamping_does_not_lock(h, limits, b):
 
 
 @pytest.mark.parametrize("name", ["plain_pi", "tuned_reset", "prefilter_tustin", "fed_pd"])
-def test_reset_starts_anew_in_every_language(name):
+def test_reset_restarts_the_controller_in_every_language(name):
     k = CASES[name]
     k.reset()
     expected = [k.step(0.3, y) for y in (0.0, 0.5, 0.1)]
-    space = {}
-    exec(k.python("loop"), space)
-    block, text = space["Loop"](), Instance(read(k.structured_text("loop")), "loop")
+    block, text = by_python(k), by_text(k)
     for start in range(3):
         found = []
         for i, y in enumerate((0.0, 0.5, 0.1)):

@@ -15,7 +15,7 @@ CASES = int(os.environ.get("FUZZ", "0"))
 
 
 def cases(few, share=1.0):
-    """Settings of a property: `few` cases in `make test`, a `share` of FUZZ in `make fuzz`."""
+    """Return the settings of a property: `few` cases in `make test`, a `share` of FUZZ in `make fuzz`."""
     unhurried = {
         "deadline": None,
         "suppress_health_check": list(HealthCheck),
@@ -27,7 +27,7 @@ def cases(few, share=1.0):
 
 
 def decades(low, high):
-    """A number between 10^low and 10^high, as many in each decade, with few digits so that it can be read."""
+    """Draw a number between 10^low and 10^high, uniform in its logarithm, with four digits."""
     return st.floats(low, high).map(lambda x: float(f"{10**x:.4g}"))
 
 
@@ -66,7 +66,7 @@ processes = st.one_of(stable, integrating, unstable)
 
 @st.composite
 def controllers(draw, process, proper=True):
-    """A PI, PID or PIDA whose gain has the sign of the process; its filter makes the loop retarded if `proper`."""
+    """Draw a PI, PID or PIDA whose gain has the sign of the process. Its filter makes the loop retarded if `proper`."""
     m = draw(st.integers(0, 2))
     sign = float(np.sign(process.num[-1]))
     scale = max(process.delay, 0.3)
@@ -79,6 +79,6 @@ def controllers(draw, process, proper=True):
 
 @st.composite
 def loops(draw, family=processes, proper=True):
-    """A loop of a drawn process and a drawn controller, stable or not."""
+    """Draw a process and a controller, and return their loop, stable or not."""
     process = draw(family)
     return pidalab.Loop(process, draw(controllers(process, proper)))

@@ -1,4 +1,4 @@
-"""Second methods, slow and simple, that share no code with the library's.
+"""Compute responses, poles and noise by slow, simple methods that share no code with the library.
 
 A response comes from its Laplace transform, summed as a Fourier series beside the imaginary axis. The number of
 unstable poles comes from the turns that the characteristic function makes along that axis. A sampled loop is
@@ -10,7 +10,7 @@ from scipy import signal
 
 
 def response(transform, end, growth=0.0, terms=2**17, fading=14.0):
-    """Times and values of f(t) on [0, end] from F(s), for f that grows no faster than e^(growth t).
+    """Return times and values of f(t) on [0, end] from F(s), for f that grows no faster than e^(growth t).
 
     Dubner and Abate's series: along Re s = a it has the period 2 end, and what comes back from later periods is damped
     by e^-fading. The terms fade out towards the last, so that the cut of the series does not ring.
@@ -24,7 +24,7 @@ def response(transform, end, growth=0.0, terms=2**17, fading=14.0):
 
 
 def unstable_poles(process, controller):
-    """Unstable poles of a loop whose L vanishes at infinite frequency; None where the turns cannot be counted."""
+    """Count the unstable poles of a loop whose L vanishes at infinite frequency; return None if that fails."""
     (b, a), (bc, ac) = (process.num, process.den), controller.fraction()
     opened, closed = np.polymul(a, ac), np.polymul(b, bc)
     roots = np.roots(opened)
@@ -59,7 +59,7 @@ def unstable_poles(process, controller):
 
 
 def sampled_pulse(process, waits, digital, sample_time, samples):
-    """Control signal after one sample of noise of height 1, in the loop of a held process and a digital controller.
+    """Return the control signal after one sample of noise of height 1, for a held process and a digital controller.
 
     The dead time is `waits` samples. Sample by sample: y, then u of the measurement, then the process takes u.
     """

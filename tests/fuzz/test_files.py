@@ -1,4 +1,4 @@
-"""Records and the command line, fed with anything: an answer, or one line that says what is wrong."""
+"""Feed random records and files to the library and the command line: an answer, or a one-line error."""
 
 import re
 
@@ -16,7 +16,7 @@ SPOILS = ("nothing", "gaps", "nan", "twice", "backwards", "words", "short", "qua
 
 @st.composite
 def tables(draw):
-    """A step test as a historian writes it: spoiled in one or more ways."""
+    """Draw a step test, spoiled in up to three ways."""
     rng = np.random.default_rng(draw(st.integers(0, 2**31)))
     n = draw(st.integers(3, 300))
     t = np.cumsum(rng.uniform(0.5, 1.5, n))
@@ -80,7 +80,7 @@ def test_any_file(tmp_path_factory, content):
 
 
 def _in_one_line(done):
-    """Check that a command ended well, or with a status and one line of ours."""
+    """Check that a command succeeded, or failed with one line of explanation."""
     assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
     if done.exit_code:
         said = [line for line in done.stderr.splitlines() if line and not re.match("Usage|Try", line)]

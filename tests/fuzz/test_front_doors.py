@@ -12,7 +12,7 @@ KINDS = st.sampled_from(["PI", "PID", "PIDA"])
 
 
 def answer(call, *words):
-    """Return what a call answers, or None where it refuses, which it has to do with one of these words."""
+    """Return the result of a call, or None after a ValueError whose message has one of these words."""
     try:
         return call()
     except ValueError as error:

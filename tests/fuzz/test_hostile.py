@@ -1,4 +1,4 @@
-"""Every public call, with one argument replaced by something else: an answer, or an error that says what is wrong.
+"""Replace one argument of a public call by a hostile value: an answer, or an error that explains why.
 
 The errors allowed are TypeError and ValueError, and the ArithmeticError of a method that leaves its ground; in words of
 ours. Any warning but that of a doubtful record fails, any other exception, and a number that is not one.
@@ -134,7 +134,7 @@ HOSTILE = (
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 @drawn.cases(100)
 @given(st.sampled_from(sorted(CALLS)), st.data())
-def test_another_argument(name, data):
+def test_hostile_arguments_are_answered_or_explained(name, data):
     call = CALLS[name]
     argument = data.draw(st.sampled_from(sorted(call.keywords)), label="argument")
     value = HOSTILE[data.draw(st.integers(0, len(HOSTILE) - 1), label="value")]
@@ -155,7 +155,7 @@ def test_another_argument(name, data):
 
 
 def numbers(answer):
-    """The arrays and numbers of an answer, one level deep, but for margins, which are NaN for an unstable loop."""
+    """Yield the numbers of an answer, one level deep. Margins are left out: they are NaN for an unstable loop."""
     if isinstance(answer, pidalab.Margins):
         return
     inside = vars(answer).values() if hasattr(answer, "__dict__") else [answer]

@@ -1,4 +1,4 @@
-"""Random loops, stable or not: responses, poles and margins against second methods."""
+"""Compare responses, poles, margins and noise gains of random loops with second methods."""
 
 import math
 
@@ -24,7 +24,7 @@ def characteristic_turns(loop, gain=1.0, later=0.0):
 @given(drawn.loops())
 @example(pidalab.Loop(pidalab.fopdt(1.0, 0.1, 0.0), pidalab.HighOrderPID([10.54, 3.162], 0.03, 1)))
 def test_responses(loop):
-    """y and u after a step of the load, over a time in which the loop does something."""
+    """Compare y and u after a step of the load."""
     fastest = float(np.max(pidalab.rightmost_poles(loop).real))
     end = 30 * max(loop.process.delay, 0.5)
     assume(fastest * end < 12)
@@ -52,7 +52,7 @@ def test_unstable_poles(loop):
 @drawn.cases(6)
 @given(drawn.loops())
 def test_margins(loop):
-    """Within its margins a loop is stable, beyond them not; no frequency has a larger sensitivity."""
+    """A loop is stable just within its margins and unstable just beyond them. No frequency has a larger sensitivity."""
     found = pidalab.margins(loop)
     assert found.stable == characteristic_turns(loop)
     if not found.stable:

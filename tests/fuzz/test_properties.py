@@ -1,4 +1,4 @@
-"""Other units change nothing, whatever the loop."""
+"""Check that random loops have the same margins and responses in other units."""
 
 import math
 
@@ -13,14 +13,14 @@ scales = drawn.decades(-4, 4)
 
 
 def slower(process, times):
-    """The process with its time in a unit `times` shorter: everything takes that many units more."""
+    """Return the process with time in a unit that is shorter by the factor `times`."""
     powers = {n: times ** np.arange(n - 1, -1, -1.0) for n in (process.num.size, process.den.size)}
     num, den = (p * powers[p.size] for p in (process.num, process.den))
     return Process(num, den, process.delay * times)
 
 
 def slowed(controller, times):
-    """A controller whose gains go with the same change of unit."""
+    """Return the controller after the same change of unit."""
     powers = times ** np.arange(-1.0, len(controller.coefficients) - 1)
     return HighOrderPID(
         (np.asarray(controller.coefficients) * powers).tolist(),
@@ -32,7 +32,7 @@ def slowed(controller, times):
 @drawn.cases(15)
 @given(drawn.loops(), scales, scales)
 def test_other_units_change_no_response_and_no_margin(loop, times, size):
-    """Time in a unit `times` shorter, and the output in a unit `size` times smaller."""
+    """Time is in a unit shorter by `times`, the output in one smaller by `size`."""
     process, controller = slower(loop.process, times), slowed(loop.controller, times)
     gains = (np.asarray(controller.coefficients) / size).tolist()
     other = Loop(

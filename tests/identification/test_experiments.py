@@ -1,4 +1,4 @@
-"""Three-point identification: records whose parameters are known, the three times from a root finder."""
+"""Identify models from records with known parameters: three points, tangent and least squares."""
 
 import math
 import warnings
@@ -50,7 +50,7 @@ def model_4(ratio, alpha):
 @pytest.mark.parametrize("alpha", [0.1, 0.3, 0.6, 0.9])
 @pytest.mark.parametrize("ratio", [0.2, 0.25, 0.3, 0.45, 1.0, 3.0])
 def test_three_point_warns_where_its_model_makes_an_unsafe_loop(ratio, alpha):
-    """A model with a warning is refused by `tune`; any other is near the process, and so is the Ms of its loop."""
+    """`tune` refuses a model with a warning. Any other model is near the process, and so is the Ms of its loop."""
     process, t = model_4(ratio, alpha), np.linspace(0.0, 15.0 + 15.0 * ratio, 8001)
     y = pidalab.open_loop_step(process, t).y
     if (ratio, alpha) == (0.2, 0.1):
@@ -92,7 +92,7 @@ def test_gain_step_size_and_rest_value(gain, step, rest):
 
 
 def inflection(order, lag):
-    """Steepest point of the step response of 1/(lag s + 1)^order: at (order - 1) lags, in closed form."""
+    """Return slope and intercept of the tangent at the steepest point of the step response of 1/(lag s + 1)^order."""
     time = (order - 1) * lag
     slope = gammainc(order, order - 1.0)  # level there
     density = (order - 1.0) ** (order - 1) * np.exp(1.0 - order) / math.factorial(order - 1) / lag
@@ -119,7 +119,7 @@ def test_tangent_of_equal_lags_is_its_closed_form(order):
         *((ipdt_least_squares, {"rise": rise}) for rise in (0.02, 0.2, 0.9)),
     ],
 )
-def test_the_model_of_an_integrator_is_the_integrator(rule, options):
+def test_an_integrator_is_identified_exactly(rule, options):
     y = 5.0 - 0.3 * np.maximum(T - 3.217, 0.0)
     model = rule(T, y, step=0.5, **options)
     assert (model.num[0], model.den.tolist()) == (pytest.approx(-0.6, rel=1e-10), [1.0, 0.0])
@@ -136,7 +136,7 @@ def test_tangent_ignores_a_steep_start_in_the_wrong_direction():
 
 @pytest.mark.parametrize("order", [1, 3, 4])
 def test_filtered_ramp_is_its_closed_form(order):
-    """A ramp behind n lags: t - n T_f + its transient; straight from sample to sample, so exact however coarse."""
+    """A ramp behind n lags is t - n T_f plus a transient. The input is linear between samples, so any step is exact."""
     t = np.arange(0.0, 20.0, 0.25)
     lag = 0.8
     x = t / lag
@@ -155,8 +155,8 @@ def test_the_change_of_a_record_counts_from_its_first_sample(rule):
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_ramp_is_the_nearest_one_of_any_record(seed):
-    """Also where it begins at a sample, or at 0: beside a fine grid of beginnings."""
+def test_hinge_is_the_least_squares_ramp(seed):
+    """Compare with a fine grid of starting times."""
     rng = np.random.default_rng(seed)
     t = 0.3 * np.arange(rng.integers(5, 40))
     y = np.cumsum(rng.normal(size=t.size)) + rng.normal(size=t.size)
@@ -171,7 +171,7 @@ PLANT = pidalab.Process([2.3], np.convolve([20.0, 1.0], np.convolve([6.0, 1.0], 
 
 
 def historian(h=0.5, noise=0.0, irregular=0.0, plant=PLANT, end=220.0):
-    """A valve from 40 to 47 % at 37 s of a clock that started at 1000 s; the output rests at 55."""
+    """Return a record of a valve that moves from 40 to 47 % after 37 s. Its clock starts at 1000 s."""
     rng = np.random.default_rng(3)
     t = h * np.arange(round(end / h))
     moved = np.sort(t + irregular * h * rng.uniform(-0.5, 0.5, t.size))
@@ -195,7 +195,7 @@ def test_a_record_gives_the_model_of_its_arrays():
         assert (found.num[0], found.delay) == pytest.approx((expected.num[0], expected.delay), rel=1e-3)
 
 
-def test_a_messy_record_gives_nearly_the_same_model():
+def test_noise_and_irregular_times_change_the_model_little():
     messy = historian(noise=0.03, irregular=0.8)  # 0.2 % of the change
     assert fields(three_point(messy)) == pytest.approx(fields(three_point(historian())), rel=0.06)
     # the step is known to a sample interval only, the longest of which is 0.9
@@ -210,7 +210,7 @@ def test_a_messy_record_gives_nearly_the_same_model():
 
 
 def settled(moved=0.0, first=0.04, top=1.0, count=40):
-    """Samples from 0 to 1, by a line; the mean of the last tenth lies `moved` above that of the tenth before."""
+    """Return samples of a ramp from 0 to 1. The last tenth is higher by `moved` than the tenth before."""
     tenth = count // 10
     y = np.clip(np.linspace(first - 0.06, 1.2, count), 0.0, 1.0)
     y[0], y[1], y[count // 2] = 0.0, first, top
@@ -234,7 +234,7 @@ def settled(moved=0.0, first=0.04, top=1.0, count=40):
     ],
 )
 @pytest.mark.parametrize(("gain", "rest"), [(1.0, 0.0), (-20.0, 300.0)])
-def test_what_a_step_record_may_do(options, message, gain, rest):
+def test_limits_of_a_step_record(options, message, gain, rest):
     t, y = settled(**options)
     if message is None:
         times, change = _levels_reached(t, rest + gain * y, "interpolated")
@@ -246,7 +246,7 @@ def test_what_a_step_record_may_do(options, message, gain, rest):
 
 
 def test_time_of_rise_in_closed_form():
-    """From the last sample below a tenth before the first above nine tenths of the mean of the last tenth."""
+    """The rise lasts from the last sample below 10 % to the first above 90 % of the mean of the last tenth."""
     t = 0.5 * np.arange(50.0)
     y = 3.0 - 2.0 * np.interp(np.arange(50.0), [10, 30], [0.0, 1.0])
     assert _rise_time(t, y) == pytest.approx(0.5 * (29 - 11))
@@ -259,7 +259,7 @@ def test_time_of_rise_in_closed_form():
 
 
 @pytest.mark.parametrize(("share", "warns"), [(0.0099, False), (0.0101, True)])
-def test_noise_of_a_record_misleads_from_a_hundredth_of_the_change_on(share, warns):
+def test_noise_above_one_per_cent_of_the_change_warns(share, warns):
     """The noise is the standard deviation before the step, the change the mean of the last tenth."""
     t = np.arange(400.0)
     clean = 3.0 * np.interp(t, [102.0, 150.0], [0.0, 1.0])
@@ -272,7 +272,7 @@ def test_noise_of_a_record_misleads_from_a_hundredth_of_the_change_on(share, war
 
 
 def test_the_least_squares_ramp_begins_within_the_shortest_stretch():
-    """The stretches end at each sample from where the output is last below the share; the steepest ramp is taken."""
+    """Candidate ramps end at each sample after the output was last below the share. The steepest one is taken."""
     t = 0.25 * np.arange(60)
     y = -1.0 + 4.0 * np.interp(t, [2.0, 3.0, 6.0], [0.0, 0.6, 1.0])
     for rise in (0.1, 0.5, 0.7):
@@ -291,7 +291,7 @@ def test_a_record_of_five_samples_is_enough():
 
 @pytest.mark.parametrize(("span", "width"), [(0.5, 1), (0.74, 1), (0.76, 2), (9.5, 19)])
 def test_a_span_is_rounded_to_steps(span, width):
-    """Of a parabola the best line over some steps has the slope at their middle; the last ones are the steepest."""
+    """The best line over some steps of a parabola has the slope at their middle. The last steps are the steepest."""
     t = 0.5 * np.arange(20)
     model = ipdt_tangent(t, 1.0 + t**2, span=span)
     middle = t[-1] - 0.25 * width

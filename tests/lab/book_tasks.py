@@ -1,4 +1,4 @@
-"""The tasks of the book as their sources have them, and the judge of the pages in an interpreter of its own."""
+"""Read the tasks of the book from its sources, and run the judge of the pages in a JavaScript interpreter."""
 
 import json
 import re
@@ -32,7 +32,7 @@ FACTS = """globalThis.pidalabForTests = {
 
 
 class Task(NamedTuple):
-    """One task, and the page that it is on."""
+    """A task, and the page that it is on."""
 
     label: str
     title: str
@@ -52,7 +52,7 @@ def texts(path: Path) -> Iterator[str]:
 
 
 def tasks_of_the_book() -> list[Task]:
-    """Every task, in the order of the pages."""
+    """Return every task, in the order of the pages."""
     found = []
     for path in sorted(each for end in ("ipynb", "md") for each in ROOT.glob(f"book/**/*.{end}")):
         for text in texts(path):
@@ -63,7 +63,7 @@ def tasks_of_the_book() -> list[Task]:
 
 
 class Judge:
-    """`globalThis.pidalabJudge`, with Python's numbers."""
+    """Call `globalThis.pidalabJudge` with Python's numbers."""
 
     def __init__(self) -> None:
         context = MiniRacer()

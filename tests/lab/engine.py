@@ -1,4 +1,4 @@
-"""The lab's engine, run from Python: the script of the page in an interpreter of its own."""
+"""Run the lab's engine from Python, in a JavaScript interpreter."""
 
 import json
 from pathlib import Path
@@ -18,7 +18,7 @@ NUMBERS = {"Infinity": float("inf"), "-Infinity": float("-inf"), "NaN": float("n
 
 
 class Engine:
-    """`globalThis.pidalabEngine`, with Python's numbers."""
+    """Call `globalThis.pidalabEngine` with Python's numbers."""
 
     def __init__(self, source: str | None = None) -> None:
         self.context = MiniRacer()
@@ -36,7 +36,7 @@ class Engine:
 
 
 def asked(process, controller, **more):
-    """What the engine is asked for one loop of the library: a Process and a HighOrderPID."""
+    """Return the engine's arguments for a Process and a HighOrderPID."""
     gains = [*controller.coefficients, 0.0, 0.0, 0.0][:4]
     return {
         "process": {"num": process.num.tolist(), "den": process.den.tolist(), "delay": process.delay},

@@ -1,4 +1,4 @@
-"""Code tasks: right programs are right, the usual slips get the word that helps, and nothing else passes."""
+"""Judge code tasks: right programs pass, usual slips get a helpful word, and nothing else passes."""
 
 import sys
 from pathlib import Path
@@ -54,7 +54,7 @@ def words(answer, name, capsys):
 
 
 @pytest.mark.parametrize("answer", RIGHT, ids=lambda answer: answer.__name__)
-def test_only_a_right_program_is_called_right(answer, capsys):
+def test_only_right_programs_pass(answer, capsys):
     name = answer.__name__
     assert words(answer, name, capsys).startswith("Right")
     slip, word = code_tasks.SLIPS[name]

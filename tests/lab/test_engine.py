@@ -1,4 +1,4 @@
-"""The lab's engine against the library: several hundred random loops, unstable ones included."""
+"""Compare the lab's engine with the library, for several hundred random loops, some unstable."""
 
 import math
 
@@ -20,7 +20,7 @@ def engine():
 
 
 def random_process(rng):
-    """Lag- and delay-dominated, oscillating, integrating, inverse-response and open-loop unstable processes."""
+    """Draw a lag, oscillating, integrating, inverse-response or unstable process, most with dead time."""
     delay = 10 ** rng.uniform(-1.5, 1) if rng.random() < 0.85 else 0.0
     gain = rng.uniform(0.3, 3)
     kinds = (
@@ -40,7 +40,7 @@ def random_process(rng):
 
 
 def random_controller(rng, scale):
-    """PI, PID or PIDA with filters from a thousandth to a third of the process's time, some just proper."""
+    """Draw a PI, PID or PIDA with a filter from a thousandth to a third of the process's time, some just proper."""
     kp, m = 10 ** rng.uniform(-1.5, 0.7), int(rng.integers(0, 3))
     ki = kp / (scale * 10 ** rng.uniform(-0.3, 0.8)) if rng.random() < 0.9 else 0.0
     kd, ka = kp * scale * 10 ** rng.uniform(-1.5, 0), kp * (scale * 10 ** rng.uniform(-1.5, -0.3)) ** 2
@@ -60,7 +60,7 @@ def random_loops(count, seed=20):
 
 
 def distance(found, true):
-    """Largest deviation, relative to the largest value."""
+    """Return the largest deviation, relative to the largest value."""
     return np.abs(np.array(found) - true).max() / np.abs(true).max()
 
 
@@ -112,7 +112,7 @@ def test_closed_form_of_an_integrator_with_dead_time(engine):
 
 
 def off(engine, true, process, controller, limits=None, **more):
-    """Largest deviation of a sampled run of the engine from that of the library."""
+    """Return the largest deviation of a sampled run of the engine from that of the library."""
     case = asked(process, controller, end=true.t[-1], sampleTime=true.step, setpoint=1.0, load=true.d[-1])
     case["controller"]["limits"] = limits
     run = engine.simulateSampled(**case, **more)
@@ -133,7 +133,7 @@ def test_digital_controller_with_limits_and_noise(engine, way):
 
 
 def test_automatic_reset(engine):
-    """The fastest real zero is the reset; the double zero of PIDA_1 counts, and so does one of rounded gains."""
+    """The fastest real zero gives the reset time. It may be the double zero of PIDA_1, or one of rounded gains."""
     process, t, limits = pidalab.ipdt(1.0, delay=1.0), 0.02 * np.arange(1501), (-0.1, 0.1)
     own = automatic_reset.tune(process, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
     held, backward = (
@@ -177,7 +177,7 @@ def test_backward_differences(engine, h, way, names):
 @pytest.mark.parametrize("delay", [0.137, 0.2, 0.777])
 @pytest.mark.parametrize(("num", "den"), [([0.5, 1.0], [1.0, 1.0]), ([1.0], [1.0])], ids=["lead", "static"])
 def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
-    """A dead time that is no multiple of the sample time, 0.2: the plant answers to what was set a sample before."""
+    """The dead time is not a multiple of the sample time, 0.2."""
     process, controller = pidalab.Process(num, den, delay), pidalab.HighOrderPID([0.2, 0.3], 0.0, 0)
     # without a filter they differ by a sample of the integral
     for method, own in (("backward", controller.discretise(0.2)), ("held", controller)):
@@ -186,8 +186,8 @@ def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
 
 
 @pytest.mark.parametrize("gains", [[0.0486, 0.0641, 0.0115, 7e-5], [0.5, 0.3, 0.2, 0.001]], ids=["a", "b"])
-def test_the_gain_margin_of_a_loop_that_never_falls_silent(engine, gains):
-    """The gain far out, where every phase occurs, hides no louder crossover."""
+def test_gain_margin_of_a_loop_whose_gain_stays_finite(engine, gains):
+    """The gain at high frequency, where every phase occurs, hides no larger crossover."""
     process = pidalab.Process([1.0], [1.0], delay=0.37)
     controller = pidalab.HighOrderPID(gains, 0.28, 2)
     found = engine.margins(**asked(process, controller))
@@ -195,7 +195,7 @@ def test_the_gain_margin_of_a_loop_that_never_falls_silent(engine, gains):
     assert found["gm"] == pytest.approx(true.gm, rel=1e-6)
 
 
-def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):
+def test_limits_hold_and_wide_limits_change_nothing(engine):
     case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.8, 1.5, 0.6], 0.1, 1))
     free = engine.simulate(**case, end=20.0, points=201, setpoint=1.0)
     case["controller"]["limits"] = (-100.0, 100.0)
@@ -206,8 +206,8 @@ def test_limits_that_bite_hold_and_limits_that_do_not_change_nothing(engine):
     assert tight["y"][-1] == pytest.approx(1.0, abs=0.01)
 
 
-def test_loops_that_differ_in_one_number_are_not_mistaken_for_each_other(engine):
-    """What was found for a loop is remembered; an engine that knows no other loop finds the same."""
+def test_cache_tells_loops_apart(engine):
+    """A fresh engine gives the same answer as one that has cached another loop."""
     case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.5, 1.0, 0.3, 0.05], 0.1, 2))
     changed = [
         ("process", {key: value}) for key, value in (("num", [1.1]), ("den", [1, 2.1, 1]), ("delay", 0.6))
@@ -227,8 +227,8 @@ def test_loops_that_differ_in_one_number_are_not_mistaken_for_each_other(engine)
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.0])
-def test_a_kick_between_two_points_is_seen_and_meets_the_limits(engine, delay):
-    """A filter of 0.02 and points 0.1 apart: the peak is over before the first of them."""
+def test_a_peak_between_two_points_is_resolved_and_limited(engine, delay):
+    """With a filter of 0.02 and points 0.1 apart the peak is over before the first point."""
     process, controller = pidalab.lags(3, delay=delay), pidalab.HighOrderPID([0.36, 0.73, 0.8], 0.02, 2)
     case = asked(process, controller, end=40.0, points=401, setpoint=1.0)
     fine = engine.simulate(**case)["fine"]
@@ -245,7 +245,7 @@ TOO_SHORT = "controller.filterTime .* is too short beside the plant.* the shorte
 @pytest.mark.parametrize("delay", [0.0, 0.9, 4.7])
 @pytest.mark.parametrize("order", [2, 3, 4])
 @pytest.mark.parametrize("lags", [3, 4])
-def test_a_fast_filter_is_followed_or_refused(engine, lags, order, delay):
+def test_a_fast_filter_is_simulated_or_refused(engine, lags, order, delay):
     """The plant's time constants are 1; the lab's slider ends at 0.001."""
     process, t = pidalab.lags(lags, delay=delay), np.linspace(0.0, 20.0, 401)
 

@@ -1,4 +1,4 @@
-"""Hidden plants: their stored optima are those of the library, and scores follow from the true plant."""
+"""Check the hidden plants: stored optima, points, and what the reader may see."""
 
 import random
 import re
@@ -41,7 +41,7 @@ def answer_of(plant, factor=1.0):
     return {"kp": factor * kp, **times}
 
 
-def test_the_stored_optima_keep_their_limits_and_have_their_error(page, names):
+def test_stored_optima_keep_their_limits_and_have_the_stored_iae(page, names):
     assert len(names) == 10
     for name in names:
         plant = page.plant(name=name)
@@ -52,8 +52,8 @@ def test_the_stored_optima_keep_their_limits_and_have_their_error(page, names):
         assert plant["iae"] == pytest.approx(pidalab.load_response(loop, t).iae(), rel=2e-3), name
 
 
-def test_the_search_finds_no_better_one(page, names):
-    """Of one that is drawn: a search takes seconds."""
+def test_the_library_finds_no_better_design(page, names):
+    """For one random plant: a search takes seconds."""
     plant = page.plant(name=random.choice(names))
     process = best_of(plant).process
     scale = pidalab.noise_scale(process)
@@ -77,7 +77,7 @@ def test_points_are_those_of_the_true_plant(page, names):
         assert noisy["points"] == 0, name
 
 
-def test_the_script_does_not_show_a_model():
+def test_the_script_hides_its_models():
     text = SCRIPT.with_name("hidden-data.js").read_text()
     values = re.findall(r'": "(\w+)"', text)
     assert len(values) == 10

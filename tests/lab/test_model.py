@@ -1,4 +1,4 @@
-"""The lab's rules against the library's: the same gains, or the same largest gain."""
+"""Compare the lab's rules, searches and margins with the library's."""
 
 import csv
 import json
@@ -61,7 +61,7 @@ STUDY = """pidalabEngine.work = ({plant, design, conditions, changed}) => {
 
 @pytest.fixture
 def counting():
-    """The lab's engine and model, which count what they do and remember no loop yet."""
+    """Return the lab's engine and model, instrumented to count their operations, with an empty cache."""
     source = SCRIPT.read_text(encoding="utf-8")
     for name, head in WORK.items():
         assert source.count(head) == 1
@@ -77,8 +77,8 @@ CONDITIONS = [{}, {"limits": [-0.3, 0.9]}, {"noise": 0.02}, {"sampleTime": 0.05}
 
 @pytest.mark.parametrize("conditions", CONDITIONS, ids=str)
 @pytest.mark.parametrize("plant", ["lags3", "haalman-2", "huba-ipdt", "oscillating"])
-def test_a_change_costs_little_work(plant, conditions, counting):
-    """50 ms on a slow laptop are 50,000 of these steps, if each takes a microsecond and nothing else took time."""
+def test_a_change_needs_few_operations(plant, conditions, counting):
+    """50,000 operations take 50 ms on a slow laptop, if each takes a microsecond."""
     asked = {"plant": plant, "design": DESIGN, "conditions": conditions}
     by_gain = counting.work(**asked, changed={"design": {"kp": 0.31}})
     assert 0 < sum(by_gain.values()) < 50_000
@@ -93,7 +93,7 @@ def test_a_change_costs_little_work(plant, conditions, counting):
 
 
 @pytest.mark.parametrize("conditions", CONDITIONS, ids=str)
-def test_what_is_seen_all_the_time_is_never_forgotten(conditions, counting):
+def test_a_shown_design_stays_in_the_cache(conditions, counting):
     asked = {"plant": "haalman-2", "design": DESIGN, "conditions": conditions}
     others = [0.3 + 0.001 * k for k in range(1, 60)]
     again = counting.work(**asked, changed={"others": others})
@@ -119,7 +119,7 @@ PLANTS = [
 
 @pytest.mark.parametrize("ms", [1.2, 1.4, 2.0])
 @pytest.mark.parametrize(("kind", "times"), [("PI", (3, 0, 0)), ("PID", (3, 0.9, 0)), ("PIDA", (3, 1, 0.3))])
-def test_the_gain_has_the_ms_asked_for_and_is_the_largest(kind, times, ms, model):
+def test_gain_rule_returns_the_largest_gain_for_ms(kind, times, ms, model):
     process = pidalab.lags(3, delay=1.0)
     found = ruled(model, "gain", process, ms, kind=kind, **dict(zip(("ti", "td", "ta"), times, strict=True)))
     assert pidalab.margins(loop_of(process, found)).ms == pytest.approx(ms, rel=1e-6)
@@ -129,7 +129,7 @@ def test_the_gain_has_the_ms_asked_for_and_is_the_largest(kind, times, ms, model
 
 
 @pytest.mark.parametrize("gain", [1.0, -1.0])
-def test_the_gain_of_an_unstable_plant_has_the_other_sign_than_its_rest(gain, model):
+def test_gain_rule_of_an_unstable_plant_has_the_right_sign(gain, model):
     process = pidalab.Process([gain], [1.0, -0.2], delay=0.3)
     found = ruled(model, "gain", process, 2.0, kind="PI", ti=20)
     assert np.sign(found["kp"]) == gain
@@ -181,7 +181,7 @@ def test_rules_are_those_of_the_library(rule, process, kind, model):
     assert gains == pytest.approx(true[: len(gains)], rel=1e-6 if rule == "magnitude" else 1e-8)
 
 
-def test_least_itae_of_a_plant_of_more_lags_is_that_of_its_half_rule(model):
+def test_itae_reduces_more_lags_by_the_half_rule(model):
     found = ruled(model, "itaeLoad", pidalab.Process([1.0], [6.0, 11.0, 6.0, 1.0]), None, kind="PID")
     lags = 3.0, 2.5  # 3, 2 and 1 by half of the last, and the other half is dead time
     model_of_it = pidalab.Process([1.0], np.polymul([lags[0], 1.0], [lags[1], 1.0]), delay=0.5)
@@ -200,8 +200,8 @@ ROWS = range(100) if "FUZZ" in os.environ else HARDEST
 
 
 @pytest.mark.parametrize("part", range(10))
-def test_the_least_iae_is_that_of_the_library(part, model):
-    """Of 100 random plants, orders and limits, with FUZZ all: within half a percent, and no limit is missed."""
+def test_least_iae_matches_the_library(part, model):
+    """Take the hardest of 100 random cases, or all with FUZZ: the IAE is within 0.5 %, and no limit is missed."""
     model.context.eval(FIND)
     for row in (LEAST[k] for k in ROWS[part::10]):
         num, den = (list(map(float, row[key].split())) for key in ("num", "den"))
@@ -218,7 +218,7 @@ def test_the_least_iae_is_that_of_the_library(part, model):
         assert pidalab.relative_noise_gain(loop) <= noise * (1 + 1e-6), row
 
 
-def test_the_iae_that_is_said_is_that_of_the_loop_and_each_derivative_pays(model):
+def test_least_iae_is_that_of_the_loop_and_falls_with_each_derivative(model):
     model.context.eval(FIND)
     process, iae = pidalab.lags(3, delay=1.0), []
     for kind in KINDS:
@@ -263,13 +263,13 @@ def test_a_negative_plant_has_negative_gains(model):
         ("magnitude", "PI", pidalab.sopdt(1.0, 1.0, 0.1, 0.5), "that is stable"),
     ],
 )
-def test_a_rule_without_ground_says_so(rule, kind, process, words, model):
+def test_a_rule_that_does_not_apply_explains_why(rule, kind, process, words, model):
     with pytest.raises(ValueError, match=words):
         ruled(model, rule, process, 1.4, kind=kind)
 
 
 @pytest.mark.parametrize("time", [0.0, -0.5])
-def test_simc_refuses_a_closed_loop_time_in_the_words_of_the_library(time, model):
+def test_simc_has_the_error_of_the_library(time, model):
     with pytest.raises(ValueError, match="closed_loop_time must be above 0, found"):
         ruled(model, "simc", PLANTS[1], time, kind="PI")
     with pytest.raises(ValueError, match="closed_loop_time must be above 0, found"):
@@ -292,7 +292,7 @@ SHOWN = """pidalabEngine.shown = ({process, design, end}) => {
 def test_a_plant_without_lag_and_a_controller_without_filter_have_all_numbers(
     num, den, delay, td, time, model
 ):
-    """But for the effort for noise, where there is none."""
+    """Except for the noise gain, if there is none."""
     model.context.eval(SHOWN)
     kind, order = ("PID", 2) if td else ("PI", 1)
     design = {"kind": kind, "kp": 0.3, "ti": 2.0, "td": td, "ta": 0, "filterTime": time, "filterOrder": order}
@@ -312,7 +312,7 @@ def test_a_plant_without_lag_and_a_controller_without_filter_have_all_numbers(
 
 @pytest.mark.parametrize("h", [0.1, 0.4, 0.777])
 def test_curves_of_a_digital_loop_are_those_of_the_library(h, model):
-    """Ms of the curve, and the process from sample to sample behind it."""
+    """Compare the sampled process and Ms of the curve."""
     process = pidalab.Process([0.3, 1.0], [2.0, 3.0, 1.0], delay=0.777)
     controller = pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
     found = model.sampledResponse(**asked(process, controller), sampleTime=h)
@@ -349,7 +349,7 @@ SAMPLED = [  # process, gains, filter time and order, sample time, whether stabl
 def test_ms_of_a_digital_loop_is_that_from_sample_to_sample(
     process, gains, time, order, h, stable, end, model
 ):
-    """Whatever is drawn of its response."""
+    """The result does not depend on the length of the drawn response."""
     controller = pidalab.HighOrderPID(gains, time, order)
     loop = pidalab.Loop(process, controller.discretise(h))
     found = model.sampledMargins(**asked(process, controller), sampleTime=h, end=end)
@@ -367,7 +367,7 @@ def test_a_digital_loop_that_takes_too_many_samples_is_unknown(model):
 
 @pytest.mark.parametrize("te", [0.02, 0.05, 0.1, 0.3])
 @pytest.mark.parametrize("m", [2, 3])
-def test_what_lies_beyond_the_crossover(m, te, model):
+def test_phase_margin_and_peak_beyond_the_crossover(m, te, model):
     design = mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m, m + 1, te)
     # the lab knows no third derivative: PIDA, with the filter of that order
     controller = pidalab.HighOrderPID(
@@ -385,7 +385,7 @@ def test_what_lies_beyond_the_crossover(m, te, model):
     assert found["hump"] == pytest.approx(top, rel=1e-4)
 
 
-def test_nothing_lies_beyond_a_loop_that_only_falls(model):
+def test_a_falling_gain_has_no_peak_beyond_the_crossover(model):
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.3, 1.0], 0.1, 1))
     assert model.beyond(**asked(loop.process, loop.controller))["hump"] == 0
     never = pidalab.HighOrderPID([0.0, 0.5], 0.1, 1)  # without an integral the gain begins at a half
@@ -401,7 +401,7 @@ SHAPED = {"gain": {"ti": 3.0, "td": 1.0, "ta": 0.3}, "cancellation": {}, "magnit
     ("rule", "kind"), [pair for pair in product(SHAPED, KINDS) if pair != ("simc", "PIDA")]
 )
 def test_rules_on_equal_terms_have_one_ms_and_one_noise(rule, kind, noise, model):
-    """And the shape of the rule; with the shortest filter there is, they may need less noise."""
+    """They keep the shape of the rule. With the shortest filter they may need less noise."""
     model.context.eval(ALIKE)
     process, order = pidalab.Process([2.0], [1.5, 6.0, 5.5, 1.0], delay=0.4), KINDS.index(kind)
     plant = {"num": [2.0], "den": [1.5, 6.0, 5.5, 1.0], "delay": 0.4, "end": 50.0}

@@ -1,4 +1,4 @@
-"""One relative noise gain for one controller on one plant, whoever computes it."""
+"""Check that all parts of the library and the pages give the same relative noise gain."""
 
 import numpy as np
 import pytest
@@ -48,14 +48,14 @@ PLANTS = {
 
 
 @pytest.mark.parametrize("process", PLANTS.values(), ids=PLANTS)
-def test_the_scale_of_a_plant_is_that_of_the_library(process, model):
+def test_noise_scale_matches_the_library(process, model):
     found = model.scale(process=plant_of(process))
     true = pidalab.noise_scale(process)
     assert [found["sampleTime"], found["gain"]] == pytest.approx([true.sample_time, true.gain], rel=1e-9)
 
 
 def doors(process, loop, design, model):
-    """Everybody who names the relative noise gain of a controller on a plant."""
+    """Return the relative noise gain of a controller on a plant by every function that computes it."""
     scale, plant = pidalab.noise_scale(process), plant_of(process)
     by_hand = pidalab.rules.Design(process, loop.controller, source="by hand")
     design_row = measure_row("one", "PIDA", lambda: by_hand, process, scale.sample_time, horizon=40.0)
@@ -78,15 +78,15 @@ CONTROLLERS = [
 
 
 @pytest.mark.parametrize("numbers", CONTROLLERS, ids=str)
-def test_one_number_at_all_doors(numbers, model):
+def test_all_functions_give_the_same_relative_noise_gain(numbers, model):
     process = pidalab.lags(3, delay=1.0)
     design, controller = design_of(*numbers)
     found = doors(process, pidalab.Loop(process, controller), design, model)
     assert found == pytest.approx(dict.fromkeys(found, found["library"]), rel=1e-6)
 
 
-def test_random_loops_have_the_number_of_the_library(model):
-    """Filters faster than a sample of the noise, too: backward differences in their place."""
+def test_relative_noise_gain_of_random_loops_matches_the_library(model):
+    """Filters faster than a sample of the noise use backward differences."""
     compared = 0
     for loop, _, _ in random_loops(40, seed=23):
         gains = [*loop.controller.coefficients, 0.0, 0.0, 0.0][:4]
@@ -148,10 +148,10 @@ NO_NUMBER = [
 
 
 @pytest.mark.parametrize("text", ENTERED)
-def test_a_number_is_read_as_people_write_it(text, model):
+def test_numbers_are_read_in_common_notations(text, model):
     assert model.number(text=text)["value"] == pytest.approx(ENTERED[text])
 
 
 @pytest.mark.parametrize("text", NO_NUMBER)
-def test_what_is_no_number_is_none(text, model):
+def test_other_text_is_not_read_as_a_number(text, model):
     assert np.isnan(model.number(text=text)["value"])

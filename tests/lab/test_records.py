@@ -1,4 +1,4 @@
-"""Records dropped into the lab: of one to three lags, integrators, with and without noise, each gets a design."""
+"""Records dropped into the lab, of lags and integrators, with and without noise, give a design."""
 
 import random
 
@@ -51,8 +51,8 @@ def lab():
 
 
 @pytest.mark.parametrize("turn", range(4))
-def test_a_record_gets_a_design_that_is_safe_on_the_plant(turn, lab):
-    """Some of them at each run: all take half a minute."""
+def test_record_gives_a_safe_design(turn, lab):
+    """Each run tries some records, since all take half a minute."""
     name = random.choice(sorted(PLANTS)[turn::4])
     plant, scale, noise = PLANTS[name]
     t = np.linspace(0.0, 6.0 * scale, 400)
@@ -71,14 +71,12 @@ def test_a_record_gets_a_design_that_is_safe_on_the_plant(turn, lab):
     gains = [kp / ti, kp, kp * td, kp * ta]
     controller = pidalab.HighOrderPID(gains, design["filterTime"], design["filterOrder"])
     ms = pidalab.max_sensitivity(pidalab.Loop(plant, controller))[0]
-    if name == "lag 100, dead time 10, noise 0.02" and ms >= 2.0:
-        pytest.xfail("a known fault: the fit to this noisy record is too poor for a PIDA controller")
     assert ms < 2.0, name
 
 
 @pytest.mark.parametrize("lag", [1e-2, 1e-4, 1e-6])
-def test_lags_too_short_to_matter_change_nothing(lag, lab):
-    """Their poles lie beyond the last frequency that the search looks at."""
+def test_negligible_lags_change_nothing(lag, lab):
+    """Their poles are beyond the highest frequency of the search."""
     plant = pidalab.Process([2.0], np.convolve([3.0, 1.0], np.convolve([lag, 1.0], [lag, 1.0])), 1.0)
     alone, behind = (
         lab.find(

@@ -30,7 +30,7 @@ def page():
 
 
 def plant_of(plant, given):
-    """The process that the data of a task describe."""
+    """Return the process that the data of a task describe."""
     known = {
         "lags3": pidalab.lags(3, delay=1.0),
         "unequal": pidalab.Process([1.0], np.poly([-0.2, -1.0, -2.0]) / 0.4, delay=0.5),
@@ -59,7 +59,7 @@ def controller_of(loop):
 
 
 def judged_by(data):
-    """The names of the facts that decide."""
+    """Return the names of the facts that decide."""
     names = [
         *data.get("limits", {}),
         *data.get("least", {}),
@@ -70,7 +70,7 @@ def judged_by(data):
 
 
 def linear_loops(task):
-    """What the judge is asked for, and the loop of the library, for each loop without limits or samples."""
+    """Yield the judge's arguments and the library's loop for each loop without limits or samples."""
     data = task.data
     if "edge" in data:  # at the limit of stability the least rounding shows: it has a test of its own
         return
@@ -101,7 +101,7 @@ LINEAR = [each for task in QUICK for each in linear_loops(task)]
 @pytest.mark.parametrize(
     ("asked", "given", "loop"), [one[1:] for one in LINEAR], ids=[one[0] for one in LINEAR]
 )
-def test_the_page_computes_what_the_library_does(page, asked, given, loop):
+def test_facts_match_the_library(page, asked, given, loop):
     asked = dict(asked)
     judged = asked.pop("judged")
     ms, gm, pm, dm = page.facts(asked, given, "ms", "gm", "pm", "dm")
@@ -136,7 +136,7 @@ def test_the_printed_answer_is_right(page, task):
 
 
 @named(TASKS)
-def test_wrong_answers_get_their_word(page, task):
+def test_wrong_answers_are_explained(page, task):
     data = task.data
     assert len(data["wrong"]) >= (1 if data.get("search") else 2)
     for wrong in data["wrong"]:
@@ -146,7 +146,7 @@ def test_wrong_answers_get_their_word(page, task):
 
 
 @named(TASKS)
-def test_what_is_entered_as_text_is_judged_as_its_number(page, task):
+def test_text_is_judged_as_its_number(page, task):
     data = task.data
     if data["kind"] in ("number", "design"):
         key = {name: str(value).replace(".", ",") for name, value in data["key"].items()}
@@ -200,17 +200,17 @@ BY_HAND = {
 
 
 @pytest.mark.parametrize("label", BY_HAND)
-def test_numbers_are_those_of_the_derivation(page, label):
+def test_answers_match_the_derivation(page, label):
     assert answer_of(page, label) == pytest.approx(BY_HAND[label](), rel=2e-3, abs=1e-3)
 
 
-def test_the_cancelled_lags_are_those_of_the_rule(page):
+def test_cancelled_lags_match_the_rule(page):
     C = haalman.tune(plant_of("unequal", {}), ms=1.6).controller
     near = BY_LABEL["task-haalman2024-1"].data["near"]
     assert [near[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
 
 
-def test_sampled_and_limited_loops_have_the_facts_of_the_library(page):
+def test_facts_of_sampled_and_limited_loops_match_the_library(page):
     for label, given in (("task-6-1", {"h": 0.2}), ("task-5-2", {"Tt": 1.5}), ("task-5-2", {"Tt": 5.486})):
         data = BY_LABEL[label].data
         names = list(data["limits"])
@@ -218,14 +218,14 @@ def test_sampled_and_limited_loops_have_the_facts_of_the_library(page):
         assert page.facts(data, given, *names) == pytest.approx(true, rel=1e-6, abs=1e-6)
 
 
-def test_three_ways_at_the_limit_come_in_the_order_of_the_library(page):
+def test_anti_windup_options_have_the_order_of_the_library(page):
     data = BY_LABEL["task-huba2024-1"].data
     found = page.along(data, data["items"], "overshoot")
     library = [reset_overshoot(item["loop"]["way"]) for item in data["items"]]
     assert np.argsort(found).tolist() == np.argsort(library).tolist() == data["key"]["order"]
 
 
-def test_the_magnitude_optimum_breaks_where_the_library_says(page):
+def test_magnitude_optimum_is_unstable_where_the_library_says(page):
     from pidalab import areas
     from pidalab.rules import magnitude_optimum
 
@@ -239,7 +239,7 @@ def test_the_magnitude_optimum_breaks_where_the_library_says(page):
 
 
 @named([task for task in TASKS if "saving" in task.data.get("limits", {})])
-def test_what_a_search_finds_the_library_finds(page, task):
+def test_savings_match_the_library(page, task):
     asked = {**task.data, **task.data["key"]}
     plant = plant_of(asked["plant"], asked["key"])
     pid, pida = (optimum(plant, order, asked["ms"], asked["noise"]) for order in (1, 2))
@@ -248,7 +248,7 @@ def test_what_a_search_finds_the_library_finds(page, task):
 
 
 @named([BY_LABEL["task-3-2"], BY_LABEL["task-lab-4"]])
-def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
+def test_iae_limit_is_a_tenth_above_the_optimum(task):
     data = task.data
     limits = {name.split(".")[-1]: limit for name, limit in data["limits"].items()}
     plant = plant_of(data["plants"]["B"] if "plants" in data else data["plant"], {})
@@ -259,13 +259,13 @@ def test_the_limit_of_the_error_is_a_tenth_above_the_best(task):
 # --- and a bad one is caught -----------------------------------------------------------------------------------------
 
 
-def test_four_parts_are_needed():
+def test_a_task_needs_four_parts():
     with pytest.raises(ValueError, match=r"four parts.*found 3"):
         parts_of("words\n---\nkind: number\n---\nhint")
 
 
 @named([task for task in TASKS if task.data["kind"] == "number"])
-def test_a_number_that_no_slip_explains_is_told_where_to_begin(page, task):
+def test_an_unexplained_number_gets_the_first_step(page, task):
     key = key_of(task.label)
     for answer, word in (
         (-7, "above 0" if key else "Too small"),
@@ -276,7 +276,7 @@ def test_a_number_that_no_slip_explains_is_told_where_to_begin(page, task):
         assert task.data["first"] in said
 
 
-def test_a_filter_may_be_too_long_as_well(page):
+def test_a_filter_may_be_too_long(page):
     assert "with less it is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
     assert "more of it" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
 
@@ -288,7 +288,7 @@ SIDE = (-4e-3, 5e-4)  # of a border: the page allows for answers that are printe
 
 
 def answers(data, count, seed):
-    """Draw answers: the key, steps from it that cross borders, and wild ones."""
+    """Draw answers near the key and far from it."""
     rng = random.Random(seed)
     kind = data["kind"]
     if kind == "choice":
@@ -306,7 +306,7 @@ def answers(data, count, seed):
 
 
 def truth(data, given):
-    """Return what the library says of an answer: True, False, or None where it is too near to a border."""
+    """Return True if the library finds an answer right, False if wrong, None if it is too near to a limit."""
     if data["kind"] == "number":
         key, off = data.get("value", data["key"]["answer"]), data.get("error", 0)
         tolerance = off or data["within"] * abs(key)
@@ -358,7 +358,7 @@ def optimum(plant, order, ms, noise):
 
 
 @named(QUICK)
-def test_fifty_answers_are_judged_as_the_library_does(page, task):
+def test_fifty_answers_are_judged_as_by_the_library(page, task):
     data, judged = task.data, {True: 0, False: 0}
     for given in answers(data, ANSWERS, task.label):
         true = truth(data, given)
@@ -372,7 +372,7 @@ def test_fifty_answers_are_judged_as_the_library_does(page, task):
 
 
 @pytest.mark.parametrize("share", [0.978, 0.987, 0.991])
-def test_the_edge_of_stability_is_answered_from_the_stable_side(page, share):
+def test_the_edge_of_stability_is_approached_from_the_stable_side(page, share):
     found = page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.0227 * share})
     assert not found["right"]
     assert "already unstable" in found["say"]

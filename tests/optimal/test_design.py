@@ -1,4 +1,4 @@
-"""The optimum: limits kept at all frequencies, the better valley, monotone in its limits, beside brute force."""
+"""Check the optimum: limits are kept at all frequencies, and oracles and rivals have no lower IAE."""
 
 import csv
 import importlib
@@ -25,7 +25,7 @@ INTEGRATING = pidalab.Process([1.0], [0.3, 1.0, 0.0], 0.7)
 
 
 def keeps(design, ms, mks=math.inf):
-    """Limits on a dense grid, and stability."""
+    """Return True if a design is stable and keeps its limits on a dense grid."""
     loop, w = design.loop(), np.geomspace(1e-4, 1e5, 200_001)
     return (
         pidalab.is_stable(loop)
@@ -34,8 +34,8 @@ def keeps(design, ms, mks=math.inf):
     )
 
 
-def test_the_valley_and_not_the_shelf_near_the_pid():
-    """A PIDA near the PID stays at 3.41; acceleration with a slower filter takes a fifth off."""
+def test_the_search_finds_the_better_of_two_local_optima():
+    """A PIDA near the PID has an IAE of 3.41. One with a slower filter saves a fifth."""
     pid, pida = (pidalab.optimal.load(THIRD, order, ms=1.4, mks=20.0) for order in (1, 2))
     assert keeps(pid, 1.4, 20.0)
     assert keeps(pida, 1.4, 20.0)
@@ -51,8 +51,8 @@ def test_the_valley_and_not_the_shelf_near_the_pid():
 
 
 @pytest.mark.parametrize("second", [1.0, 60.0])
-def test_valleys_are_the_iae_of_their_ends_in_any_unit_of_time(second):
-    """A search ends at the PIDA and at a PID in all but name, whose IAE is that of the best PID; a start at one end."""
+def test_valleys_list_local_optima_in_any_unit_of_time(second):
+    """One local optimum is nearly the best PID. A search that starts from a design reports that optimum alone."""
     process = pidalab.lags(3, lag=second, delay=second)
     pid, pida = (pidalab.optimal.load(process, order, ms=1.4, mks=20.0) for order in (1, 2))
     assert pida.valleys == pytest.approx((pida.iae, pid.iae), rel=0.01)
@@ -69,8 +69,8 @@ def test_valleys_are_the_iae_of_their_ends_in_any_unit_of_time(second):
         (INTEGRATING, 0.17588, 0.039185, [0.1052, 0.7048, 1.065, 0.7188, 0.0845], 0.5142),
     ],
 )
-def test_a_better_valley_is_not_passed_by(process, most, h, gains, filter_time):
-    """Two rivals with little of the highest derivative, and one whose descents missed a limit by a millionth."""
+def test_no_rival_has_a_lower_iae(process, most, h, gains, filter_time):
+    """Two rivals have little of the highest derivative. For the third plant searches missed a limit by a millionth."""
     order = len(gains) - 2
     rival = Loop(process, HighOrderPID(gains, filter_time, order + 1))
     assert pidalab.max_sensitivity(rival)[0] <= 2.0
@@ -96,8 +96,8 @@ def test_noise_gain_is_kept_behind_a_filter_that_can_be_sampled(process, order, 
     assert keeps(design, 1.4)
 
 
-def test_sampled_noise_is_that_of_the_simulation():
-    """By frequencies and by samples, close to where the sampled loop becomes unstable too, and beyond."""
+def test_sampled_noise_matches_noise_gain():
+    """Also close to where the sampled loop becomes unstable, and beyond."""
     problem, h = Problem(pidalab.ipdt(1.0, 1.03), 1, (1.0, 1.0)), 0.2
     fine = SampledNoise(problem, h, 12)
     for gain in (0.2, 0.5, 0.7):
@@ -110,7 +110,7 @@ def test_sampled_noise_is_that_of_the_simulation():
 
 
 def test_the_sign_and_the_units_of_a_process_do_not_matter():
-    """Gains are those of the mirrored process with the sign turned, in other units of time and gain."""
+    """The second process is negative and has other units of time and gain."""
     one = pidalab.optimal.load(pidalab.fopdt(1.0, 2.0, 1.0), 0, ms=1.5)
     other = pidalab.optimal.load(pidalab.fopdt(-4.0, 120.0, 60.0), 0, ms=1.5)
     assert other.iae == pytest.approx(60 * 4 * one.iae, rel=1e-4)
@@ -168,24 +168,24 @@ def test_a_limit_of_noise_that_leaves_too_little_gain_is_refused():
 
 
 def test_a_dead_time_too_short_for_the_noise_sets_no_unit():
-    """A shorter dead time is no reason for a worse design."""
+    """A shorter dead time does not raise the IAE."""
     longer, shorter = (pidalab.tune(pidalab.fopdt(1.0, 1.0, L), sample_time=1e-3).iae for L in (1e-2, 1e-4))
     assert shorter <= longer
 
 
 def stored():
-    """Rows of a study, as far as it has run."""
+    """Return the stored rows of the study."""
     with (Path(__file__).parents[2] / "book" / "data" / "optimal_check.csv").open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
 def test_the_second_optimiser_found_nothing_better():
-    """It stops at three or four digits."""
+    """The second optimiser stops at three or four digits."""
     assert len(stored()) >= 14
     assert max(float(row["iae"]) / float(row["iae_second"]) for row in stored()) <= 1.001
 
 
-def test_a_random_tenth_of_the_stored_optima_again(monkeypatch):
+def test_a_random_tenth_of_the_stored_optima_is_reproduced(monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "studies")
     plants = importlib.import_module("optimal_check").PLANTS
     rows = stored()
@@ -195,8 +195,8 @@ def test_a_random_tenth_of_the_stored_optima_again(monkeypatch):
         assert again == pytest.approx(float(row["iae"]), rel=1e-3), row["plant"]
 
 
-def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
-    """Small matrices handed from thread to thread made a design ten times as long as its work."""
+def test_a_search_uses_one_thread_and_restores_the_setting(monkeypatch):
+    """Threads made a design ten times slower, since its matrices are small."""
 
     def threads():
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
@@ -218,8 +218,8 @@ def test_a_search_keeps_to_one_thread_and_gives_the_others_back(monkeypatch):
 @pytest.mark.parametrize(
     ("gains", "filter_time", "count"), [([4e5, 1.2e5], 1.2e-4, 2), ([4e8, 1.8e4], 1.5e-5, 0)]
 )
-def test_the_characteristic_function_is_followed_where_a_short_dead_time_turns_it(gains, filter_time, count):
-    """It turns by half a turn within a decade: a hundred thousandth of the lag, and a gain that reaches so far."""
+def test_a_very_short_dead_time_counts_where_the_gain_is_high(gains, filter_time, count):
+    """The dead time is 1e-5 of the lag, and the gain is high enough for it to matter."""
     process = pidalab.fopdt(1.0, 1.0, 1e-5)
     assert pidalab.unstable_poles(Loop(process, HighOrderPID(gains, filter_time, 1))) == count
     problem = Problem(process, 0, (1.0, 1.0))
@@ -235,7 +235,7 @@ def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_
 
 
 def test_an_optimum_meets_its_conditions():
-    """From a place nearby, Newton's method ends in the same point, to nine digits; no tangent step is better."""
+    """From points nearby Newton's method converges to the same optimum, to nine digits. No feasible step is better."""
     unit = unit_of_time(THIRD, Requirements(ms=1.4, mks=20.0))
     one = Search(Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), Requirements(ms=1.4, mks=20.0))
     near = one.descend(np.array([0.3, 0.4, 0.3, -4.0]))[1]
@@ -262,8 +262,8 @@ def test_an_optimum_meets_its_conditions():
     assert np.max(np.abs(limits @ prices + iae)) < 1e-3 * np.max(np.abs(iae))
 
 
-def test_what_is_on_the_other_side_of_zero():
-    """Areas of straight lines: a triangle from 1 down to -3 leaves three quarters of a step below, 9/8 in all."""
+def test_area_below_zero_and_its_gradient():
+    """A straight line from 1 to -3 is below zero for three quarters of a step, which is an area of 9/8."""
     area, slope = _other_side(np.array([1.0, -3.0, -1.0, 2.0, 0.0]))
     assert area == pytest.approx(9 / 8 + 2.0 + 1 / 6)
     assert slope[-1] == 0.0
@@ -285,7 +285,7 @@ MIGO = {
 
 @pytest.mark.parametrize("name", MIGO)
 def test_the_pi_controllers_of_migo(name):
-    """The circle that encloses those of Ms = M and Mt = M is a disk margin of 2/(2M - 1).
+    """The circle of MIGO, which encloses those of Ms = M and Mt = M, is a disk margin of 2/(2M - 1).
 
     Such PI loops do not cross zero after a load, so that the least IAE is the largest integral gain.
     """
@@ -297,8 +297,8 @@ def test_the_pi_controllers_of_migo(name):
     assert (gains.kp, gains.kp / gains.ki) == pytest.approx((kp, ti), rel=1e-2)
 
 
-def test_a_limit_of_mt_is_kept_and_costs_something():
-    """Of three lags spread apart, where a PID controller for Ms alone lets T rise above it."""
+def test_a_limit_of_mt_is_kept_and_raises_the_iae():
+    """Without the limit this PID has a larger Mt."""
     process, *_ = MIGO["lags-apart"]
     free, kept = (pidalab.optimal.load(process, 1, ms=1.6, mks=500.0, mt=mt) for mt in (None, 1.1))
     assert pidalab.margins(free.loop()).mt > 1.1

@@ -1,4 +1,4 @@
-"""Loops of the oracles, and the exact engine held against them."""
+"""Build the loops of the oracles, and compare the exact engine with them."""
 
 import json
 from pathlib import Path
@@ -14,12 +14,12 @@ SIGNALS = {"y": 0, "u": 2}  # rows of a unit step response
 
 
 def oracle(name):
-    """Content of an oracle file."""
+    """Return the content of an oracle file."""
     return json.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
 
 
 def oracle_loop(case):
-    """The loop of a case, with the coefficients of the file."""
+    """Return the loop of a case, with the coefficients of the file."""
 
     def block(name):
         return control.tf(case[name]["num"], case[name]["den"]) if case.get(name) else None
@@ -29,7 +29,7 @@ def oracle_loop(case):
 
 
 def sampled_oracle_loop(case, digital=True):
-    """The loop of a case of sampled_loops.json, with its digital controller or the continuous one."""
+    """Return the loop of a case of sampled_loops.json, with its digital or continuous controller."""
     process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
     controller = getattr(pidalab, case["controller"])(**case["arguments"])
     if digital:
@@ -38,7 +38,7 @@ def sampled_oracle_loop(case, digital=True):
 
 
 def worst_error(case, points):
-    """Largest error over all signals and times, and where; each time ends a grid of its own, of so many points."""
+    """Return the largest error over all signals and times, and its place. Each time ends a grid of `points` points."""
     loop, worst = oracle_loop(case), (0.0, "")
     driven = [name for name in INPUTS if name in case["values"]]
     for i, time in enumerate(case["times"]):
@@ -57,9 +57,9 @@ def worst_error(case, points):
 
 
 def scale(case, name, signal, i):
-    """What an error at time number i is relative to: max(1, |value|).
+    """Return the scale of an error at time number i: max(1, |value|).
 
-    After a kick of the control signal it is relative to the kick, where a response diverges to the running envelope.
+    After a peak of the control signal the scale is the peak, for a diverging response the running envelope.
     """
     values = np.abs(np.array(case["values"][name][signal][: i + 1], dtype=float))
     envelope = case["envelope"][name][signal][i] if "envelope" in case else 0.0

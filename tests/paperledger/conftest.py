@@ -1,4 +1,4 @@
-"""The demo ledger as a project in a temporary folder; tests import the demo itself by name."""
+"""Provide the demo ledger as a project in a temporary folder."""
 
 import sys
 from pathlib import Path
@@ -14,7 +14,7 @@ from paperledger import write_rows
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """A project with one ledger and the page that hands it over, seen from its root."""
+    """Return the root of a project with one ledger and its page, as the working directory."""
     folder = tmp_path / "book" / "ledger"
     folder.mkdir(parents=True)
     write_rows(folder / "demo.csv", ROWS)

@@ -1,4 +1,4 @@
-"""A small ledger, complete and right, for the tests of the ledger to break."""
+"""Provide a small ledger, complete and right, which tests break."""
 
 import csv
 import json
@@ -37,7 +37,7 @@ def ledger(*rows: Row) -> Ledger:
 
 
 def hand_over(book: Ledger) -> None:
-    """Everything that the demo computes."""
+    """Hand over everything that the demo computes."""
     book.compare(NUMBERS)
     book.decide("s1", (3.1, 4.2))
     book.decide("s2", (2, 0))

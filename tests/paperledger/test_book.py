@@ -1,4 +1,4 @@
-"""A page and its ledger: what is refused, what fails, and what the messages name."""
+"""Check how a page uses its ledger: errors, drift, and what it displays."""
 
 import json
 from dataclasses import replace
@@ -154,7 +154,7 @@ def test_fewer_digits_need_a_reason():
     ledger(row).compare({"t1.kp": 1.3098}, digits=4)
 
 
-def test_what_is_swallowed_comes_back_at_the_end(project):
+def test_swallowed_errors_return_when_the_ledger_is_closed(project):
     book = Ledger.open("demo", page="audit/demo")
     for call in (lambda: book.compare({"t1.kp": 7.0}), lambda: book.decide("s1", (5.2, 4.2))):
         with pytest.raises(LedgerError):

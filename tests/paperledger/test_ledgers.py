@@ -1,4 +1,4 @@
-"""The ledgers of this book, and the page *Keep such a ledger for your own paper*, followed step by step."""
+"""Check the ledgers of this book, and follow the page *Keep such a ledger for your own paper*."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Running the pages of a paper, the tables of all papers, the manifest, and the commands."""
+"""Run the pages of a paper, and check the tables of all papers, the manifest and the commands."""
 
 import os
 import subprocess
@@ -65,7 +65,7 @@ def test_update_fills_an_empty_ledger(project):
     assert {row.page for row in fresh if row.basis != "reading"} == {"audit/demo"}
 
 
-def test_update_leaves_agreeing_values_and_the_judgement_to_a_person(project):
+def test_update_keeps_agreeing_values_and_declares_no_verdict(project):
     write_rows(PATH, [replace(KP, computed="1.315100001"), *ROWS[1:]])
     assert not any("computed" in change for change in update("demo").changes)
     write_notebook(PAGE, *[cell.replace("1.3151", "7") for cell in CELLS])
@@ -74,7 +74,7 @@ def test_update_leaves_agreeing_values_and_the_judgement_to_a_person(project):
         load_all()
 
 
-def test_the_first_page_that_closes_the_ledger_owes_a_row(project):
+def test_a_row_belongs_to_the_first_page_that_closes_the_ledger(project):
     cells = [
         "from paperledger import Ledger\nbook = Ledger.open('demo')",
         "book.compare({'t1.ti': 2.868})",
@@ -152,7 +152,7 @@ def test_the_manifest_shows_what_was_changed(tmp_path, changed):
     assert freeze(tmp_path) == []
 
 
-def test_no_claim_goes_without_a_reason(tmp_path):
+def test_removing_a_claim_needs_a_reason(tmp_path):
     write_rows(tmp_path / "demo.csv", ROWS)
     freeze(tmp_path)
     frozen = (tmp_path / "manifest.csv").read_text(encoding="utf-8")
@@ -251,7 +251,7 @@ def test_a_new_paper_says_what_it_lacks(project, capsys):
     assert main(["new", "sixth2030"]) == main(["new", "Sixth"]) == 1
 
 
-def test_commands_fail_aloud(project, capsys):
+def test_failing_commands_return_1_and_explain_why(project, capsys):
     write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, computed="7")])
     (project / "two.md").write_text("<!-- score --><!-- /score -->\n" * 2, encoding="utf-8")
     for command in (
@@ -265,7 +265,7 @@ def test_commands_fail_aloud(project, capsys):
         assert capsys.readouterr().err
 
 
-def test_what_an_encoding_lacks_stops_no_command(project):
+def test_commands_run_with_a_narrow_encoding(project):
     write_rows(project / "book" / "ledger" / "demo.csv", [replace(KP, quantity="τ, 3 ≤ κ"), *ROWS[1:]])
     environment = os.environ | {
         "PYTHONIOENCODING": "cp1252",

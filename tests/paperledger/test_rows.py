@@ -1,4 +1,4 @@
-"""Validation of rows and of their file."""
+"""Validate rows and their file."""
 
 from dataclasses import replace
 
@@ -126,7 +126,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("hostile", HOSTILE.values(), ids=HOSTILE)
-def test_whatever_a_file_says_is_refused_in_words(project, capsys, hostile):
+def test_hostile_files_are_refused_with_a_message(project, capsys, hostile):
     path = project / "book" / "ledger" / "demo.csv"
     head = path.read_text(encoding="utf-8").partition("\n")[0] + "\n"
     (project / "README.md").write_text("<!-- score -->\n<!-- /score -->\n", encoding="utf-8")
@@ -141,7 +141,7 @@ def test_whatever_a_file_says_is_refused_in_words(project, capsys, hostile):
     assert main(["update", "("]) == 1
 
 
-def test_a_full_disk_leaves_the_ledger_that_was_there(project, monkeypatch):
+def test_a_full_disk_leaves_the_old_ledger(project, monkeypatch):
     folder = project / "book" / "ledger"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
 

@@ -1,4 +1,4 @@
-"""A library that is slightly off: what a page computes with it moves, and each way of copying is seen."""
+"""Perturb a library: what a page computes with it moves, and each way of copying a number is noticed."""
 
 import json
 import os
@@ -152,7 +152,7 @@ def rows_of(values, **columns):
 
 
 def shaken(project, rows, *cells, stored=True):
-    """Store what a page hands over, as its author would, then shake the library under it."""
+    """Store what a page hands over, then shake the library that it uses."""
     write_rows(project / "book" / "ledger" / "demo.csv", rows)
     (project / "book" / "audit" / "demo.ipynb").unlink(missing_ok=True)
     write_notebook(project / "book" / "demo.ipynb", SETUP, *cells)
@@ -179,7 +179,7 @@ def test_what_the_library_computes_moves(library):
     assert status == 0
 
 
-def test_each_copy_is_seen(library):
+def test_each_copied_number_is_noticed(library):
     cells = [f"b = book\nb.compare({{{id!r}: {code}}})" for id, (code, _) in GUILTY.items()]
     status, said = shaken(library, rows_of(GUILTY), *cells, "book.close()")
     assert status == 1
@@ -232,8 +232,8 @@ def test_nothing_is_written_beside_the_library(library):
     assert all(cell["outputs"] == [] for cell in notebook["cells"])
 
 
-def test_values_that_pass_by_are_not_taken_for_each_other():
-    """A number of memory is given again as soon as what had it is gone."""
+def test_reused_memory_addresses_are_not_confused():
+    """Python gives an `id` to another object as soon as the first one is gone."""
     pair = type("Pair", (), {"__module__": "demo"})
     passing = {"Pair": lambda found, off: [off(np.full(3, float(k)), "a field") for k in range(1, 9)]}
     found = Shaker("demo", whole=passing).off(pair(), "door")

@@ -1,4 +1,4 @@
-"""The verdicts that follow from numbers: of printed numbers, and of statements."""
+"""Derive verdicts of printed numbers and of statements."""
 
 import numpy as np
 import pytest
@@ -223,7 +223,7 @@ def test_a_statement_that_holds_in_part(declared):
         ("holds for: load; quiet; loud", "quiet is declared to hold"),
     ],
 )
-def test_a_part_that_was_not_declared(declared, wrong):
+def test_an_undeclared_part_is_refused(declared, wrong):
     with pytest.raises(LedgerError, match=wrong):
         Relation.parse(f"A <= B | {declared}").decide(PARTS)
 

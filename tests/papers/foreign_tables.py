@@ -1,4 +1,4 @@
-"""Answer the questions of ``tables_of_others.toml``, numbers that other sources print, with the library alone."""
+"""Compute the numbers that other sources print, listed in ``tables_of_others.toml``, with the library."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _answered(table: Table, data: dict[str, Any]) -> Iterator[Row]:
 
 
 def _verdict(printed: str, value: float) -> str:
-    """What follows from the printed digits alone, as in the account of a paper."""
+    """Return the verdict that follows from the printed digits alone, as in the account of a paper."""
     if printed.startswith(">="):
         return "holds" if value >= float(printed[2:]) else "fails"
     if not math.isfinite(value):
@@ -82,20 +82,20 @@ def _verdict(printed: str, value: float) -> str:
 
 
 def _by_rounding(printed: str, values: list[float]) -> str:
-    """Whether the print lies between the answers for gains that would be printed as these are."""
+    """Return the verdict if the print lies between the answers for gains that round to the printed ones."""
     half = _half_unit(printed)
     return "rounded input" if min(values) - half <= float(printed) <= max(values) + half else "differs"
 
 
 def _by_tolerance(printed: str, value: float, tolerance: str) -> str:
-    """Whether the answer passes the test that publishes the print."""
+    """Return the verdict within the tolerance that the source states."""
     size, *of_it = tolerance.split()
     width = float(size) * (abs(float(printed)) if of_it else 1.0)
     return "within tolerance" if abs(value - float(printed)) <= width else "differs"
 
 
 def _half_unit(text: str) -> float:
-    """Half a unit of the last written place."""
+    """Return half a unit of the last written place."""
     digits, _, power = text.lower().partition("e")
     return 0.5 * 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
 
@@ -104,7 +104,7 @@ def _half_unit(text: str) -> float:
 
 
 def _polynomial(factors: Any) -> Any:
-    """Coefficients, of a list of them or of a list of factors."""
+    """Return the coefficients of a polynomial, given by them or by its factors."""
     nested = isinstance(factors[0], list)
     return reduce(np.convolve, factors, np.ones(1)) if nested else np.array(factors, dtype=float)
 
@@ -120,7 +120,7 @@ def _plant(given: dict[str, Any] | None, gain: float) -> pidalab.Process | None:
 
 
 def _controller(given: dict[str, list[Any]]) -> control.TransferFunction:
-    """A controller of printed numbers, which are strings, or of exact ones."""
+    """Return a controller of printed numbers, which are strings, or of exact ones."""
     if "num" in given:
         return control.tf([float(c) for c in given["num"]], [float(c) for c in given["den"]])
     ((form, texts),) = given.items()
@@ -140,7 +140,7 @@ def _controller(given: dict[str, list[Any]]) -> control.TransferFunction:
 
 
 def _rounded(given: dict[str, list[Any]]) -> Iterator[control.TransferFunction]:
-    """Controllers whose numbers would be printed as these are, at the corners."""
+    """Yield the extreme controllers whose numbers round to the printed ones."""
     choices = [
         [float(one) + sign * _half_unit(one) for sign in (-1, 1)] if isinstance(one, str) else [one]
         for numbers in given.values()
@@ -161,7 +161,7 @@ def _loop(plant: Any, controller: Any, table: Table) -> pidalab.Loop:
 
 
 def margins(plant: Any, controller: Any, table: Table) -> Answers:
-    """Margins under the names of `pidalab.Margins`, and what other programs make of them."""
+    """Return margins under the names of `pidalab.Margins`, and in the units of other programs."""
     loop = _loop(plant, controller, table)
     found = pidalab.margins(loop)
     a = found.disk
@@ -176,7 +176,7 @@ def margins(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 def crossovers(plant: Any, controller: Any, table: Table) -> Answers:
-    """All crossovers in ascending order: pm_k at wgc_k, L_k and gm_k at wpc_k."""
+    """Return all crossovers in ascending order: pm_k at wgc_k, L_k and gm_k at wpc_k."""
     loop = _loop(plant, controller, table)
     answers: Answers = {}
     for k, w in enumerate(pidalab.gain_crossovers(loop), 1):
@@ -188,7 +188,7 @@ def crossovers(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 def step(plant: Any, controller: Any, table: Table) -> Answers:
-    """A unit step of the input of the plant: measures, and y(t) at shares of the horizon."""
+    """Return measures of the open-loop step response, and y(t) at shares of the horizon."""
     horizon = float(table["horizon"])
     response = pidalab.open_loop_step(plant, np.linspace(0.0, horizon, SAMPLES + 1))
     answers: Answers = {}
@@ -203,12 +203,12 @@ def step(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 def bandwidth(plant: Any, controller: Any, table: Table) -> Answers:
-    """Of the closed loop around the plant."""
+    """Return the bandwidth of the closed loop."""
     return {"bandwidth": pidalab.bandwidth(_loop(plant, controller, table))}
 
 
 def reaction_rule(plant: Any, controller: Any, table: Table) -> Answers:
-    """Settings of a rule for a lag with dead time, and its coefficients."""
+    """Return the settings of a rule for a lag with dead time, and its coefficients."""
     found = RULES[table["rule"]](plant, kind=table["kind"], **table.get("options", {})).controller
     gain, lag, delay = plant.gain(), plant.den[0] / plant.den[1], plant.delay
     answers = {"kp": found.kp, "ti": found.ti, "td": found.td, "kp K L/T": found.kp * gain * delay / lag}
@@ -217,7 +217,7 @@ def reaction_rule(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 def ultimate_rule(plant: Any, controller: Any, table: Table) -> Answers:
-    """Coefficients of Ziegler and Nichols' second rule."""
+    """Return the coefficients of Ziegler and Nichols' second rule."""
     design = classical.ziegler_nichols_ultimate(plant, table["kind"])
     found, gain, period = design.controller, design.ultimate_gain, design.ultimate_period
     parts = {"Ku/kp": gain / found.kp, "Pu/ti": period / found.ti}
@@ -227,7 +227,7 @@ def ultimate_rule(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 def simc(plant: Any, controller: Any, table: Table) -> Answers:
-    """SIMC in series form, without a filter."""
+    """Return the settings of SIMC in series form, without a filter."""
     found = classical.simc(plant, table["kind"]).controller
     root = math.sqrt(max(1 - 4 * found.td / found.ti, 0.0))
     longer, shorter = found.ti * (1 + root) / 2, found.ti * (1 - root) / 2

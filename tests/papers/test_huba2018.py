@@ -1,4 +1,4 @@
-"""The thermal twin of huba2018's pages: it gives the printed model, and is what its page says."""
+"""Check the thermal twin of huba2018's pages, the experiments on it and the imitated solver."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_identification_gives_the_printed_model(changes):
 
 
 def test_twin_matches_its_equations():
-    """Heating and cooling of the documented differential equations by an ODE solver, for a lamp switched on and off."""
+    """Compare heating and cooling with the documented differential equations, solved by an ODE solver."""
     plant = setup.thermal_plant(delay=0.0)
     gain, lag = -plant.direct.num[0][0][0] / 0.05, plant.direct.den[0][0][0] ** (1 / 3)
 

@@ -1,4 +1,4 @@
-"""The module of huba2024's pages: the rule carried over to more derivatives, and what its measures say."""
+"""Check the module of huba2024's pages: higher orders, portraits, measures and the dryer."""
 
 import numpy as np
 import pytest

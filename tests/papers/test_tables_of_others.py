@@ -1,4 +1,4 @@
-"""Numbers that others printed, each answered anew."""
+"""Compute numbers that other sources print."""
 
 import foreign_tables
 import numpy as np
@@ -7,7 +7,7 @@ import pytest
 import pidalab
 
 
-def test_every_printed_number_has_the_verdict_that_the_file_stores():
+def test_printed_numbers_have_their_stored_verdicts():
     rows = foreign_tables.rows()
     assert sum(row.verdict in foreign_tables.AGREEING for row in rows) >= 0.9 * len(rows) > 180
     wrong = [row for row in rows if row.verdict != row.stored]
@@ -15,7 +15,7 @@ def test_every_printed_number_has_the_verdict_that_the_file_stores():
 
 
 def test_a_loop_with_dead_time():
-    """Of ControlSystems.jl: 2 exp(-s)/s with unit feedback, a polynomial from dead time to dead time."""
+    """The example of ControlSystems.jl is 2 exp(-s)/s with unit feedback, a polynomial within each dead time."""
     t = np.linspace(0.0, 3.0, 301)
     y = pidalab.step_response(pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 1.0), t).y
     expected = 2 * np.maximum(t - 1, 0) - 2 * np.maximum(t - 2, 0) ** 2

@@ -260,18 +260,6 @@ def test_output_files_are_replaced_only_on_request(plain, tmp_path, monkeypatch)
     assert {"benchmark.csv", "benchmark.svg"} <= {path.name for path in tmp_path.iterdir()}
 
 
-def test_text_of_a_file_and_its_name_is_plain_in_written_files(plain, tmp_path):
-    line = 'end of log *"""/ int x = 1; /* "*/""; print("x"); "*/"" <script>'
-    path = tmp_path / "a'b<i>c.csv"
-    path.write_text(read(plain) + line + "\n", encoding="utf-8")
-    succeed("tune", path, *QUICK, "--out", tmp_path / "out")
-    for file in (tmp_path / "out").iterdir():
-        text = read(file)
-        assert "end of log int x 1 print x script" in text
-        for mark in ('print("x")', "int x = 1", "<script", "<i>", "a'b"):
-            assert mark not in text, (file.name, mark)
-
-
 def test_console_without_some_characters(tmp_path):
     """Windows prints to a pipe in its code page 1252, which has no Greek and few mathematical signs."""
     own = {"PYTHONPATH": str(ROOT / "src"), "PYTHONIOENCODING": "cp1252", "PATH": "/usr/bin:/bin"}

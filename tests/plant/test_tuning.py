@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pidalab
-from pidalab import Record, fopdt, lags, tune
+from pidalab import Record, lags, tune
 from pidalab.plant.fitting import fit
 from pidalab.plant.tuning import perturbed_plants
 
@@ -48,13 +48,6 @@ def test_sampled_loop_has_the_requested_ms(kind, sample_time):
     loop = pidalab.Loop(THIRD, design.controller.discretise(sample_time, "backward"))
     assert 1.6 * 0.999 <= pidalab.margins(loop).ms <= 1.6 * (1 + 1e-6)
     assert design.ms_sampled == pytest.approx(pidalab.margins(loop).ms, rel=1e-9)
-
-
-def test_slow_sampling_and_fast_filter_are_doubted():
-    slow = tune(fopdt(1.0, 2.0, 0.1), "PI", rule="simc", sample_time=1.0)
-    assert any("the sample time of 1 is long for this loop" in doubt for doubt in slow.doubts)
-    quick = tune(THIRD, "PID", rule="simc", sample_time=0.5)
-    assert any("faster than the sample time of 0.5" in doubt for doubt in quick.doubts)
 
 
 def test_fit_provides_uncertainty_and_noise():

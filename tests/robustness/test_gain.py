@@ -1,4 +1,4 @@
-"""The gain at a given Ms, and the bandwidth, held against closed forms and other algorithms."""
+"""Compare the gain at a given Ms and the bandwidth with closed forms and other algorithms."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from pidalab import Loop, Process, gain_for_ms
         (pidalab.fopdt(-5.0, lag=1.0, delay=0.3), pidalab.PIDA(-1.0, 2.0)),
     ],
 )
-def test_the_scaled_loop_has_that_ms_and_more_gain_exceeds_it(process, controller, ms):
+def test_gain_for_ms_is_the_largest_gain_with_that_ms(process, controller, ms):
     k = gain_for_ms(Loop(process, controller), ms)
     loop = Loop(process, k * controller)
     assert pidalab.is_stable(loop)
@@ -46,7 +46,7 @@ def test_an_unstable_plant_takes_the_larger_of_two_gains():
 )
 @pytest.mark.filterwarnings("error")
 def test_gain_of_a_biproper_loop(process, expected):
-    """In closed form where Ms lies at infinite frequency, else by bisection of Ms over a dense grid."""
+    """Compare with the closed form if Ms lies at infinite frequency, otherwise with a search over a dense grid."""
     k = gain_for_ms(Loop(process, 1.0), 2.0)
     if expected is None:
         w = np.append(np.geomspace(1e-3, 1e3, 200_001), np.linspace(0.0, 60.0, 200_001))

@@ -1,4 +1,4 @@
-"""Circle and Popov criterion: loops that can be solved by hand, and the controllers of huba2024."""
+"""Check circle and Popov criterion by closed forms, the controllers of huba2024 and the oracle."""
 
 import dataclasses
 import math
@@ -51,7 +51,7 @@ def test_integrator_with_dead_time(gain, delay):
 @pytest.mark.parametrize("name", reset.SETTINGS)
 @pytest.mark.parametrize(("n", "weight"), [(4, 1.0), (3, 0.5), (2, 1.0)])
 def test_limit_at_zero_frequency(name, n, weight):
-    """K_s (K_d - K_p (T_dp + n T_f)); only with N = 1 the bracket is the total dead time T_d."""
+    """The limit is K_s (K_d - K_p (T_dp + n T_f)). Only with N = 1 is the bracket the total dead time T_d."""
     d = reset.tune(pidalab.ipdt(0.5, delay=2.0), reset.SETTINGS[name], n, filter_time=0.3, weight=weight)
     limit = 0.5 * (d.kd - d.kp * (2.0 + n * 0.3))
     assert ends(linear_part(d.loop()), 0.0)[0] == pytest.approx(limit, abs=1e-14)
@@ -60,7 +60,7 @@ def test_limit_at_zero_frequency(name, n, weight):
 
 
 def test_a_criterion_that_holds_implies_linear_stability():
-    """Gains from 0 to 1 are in the sector: where the loop is unstable neither criterion may hold."""
+    """Gains from 0 to 1 are in the sector, so neither criterion may hold for an unstable loop."""
     rng = np.random.default_rng(5)
     unstable = 0
     for _ in range(40):
@@ -95,7 +95,7 @@ def gains_stay(setting, n):
 @pytest.mark.parametrize("family", [retuned, gains_stay])
 @pytest.mark.parametrize("setting", [reset.PPM_PIDA, reset.PIDA_1, reset.PIDA_2], ids=lambda x: x.name)
 def test_smallest_filter(family, setting):
-    """At the border the criterion changes, above it holds, and the linear loop is stable with a shorter one still."""
+    """The criterion holds above the border only. The linear loop is stable with an even shorter filter."""
     loops = family(setting, 4)
     border = smallest_filter_time(loops, lambda loop: circle(loop).holds, longest=0.2)
     assert [circle(loops(x * border)).holds for x in (0.999, 1.0, 1.001, 1.2, 2.0)] == [
@@ -109,7 +109,7 @@ def test_smallest_filter(family, setting):
 
 
 @pytest.mark.parametrize("gain", [1.0, -1.0])
-def test_the_residue_of_an_inverse_response_is_that_at_rest(gain):
+def test_the_residue_of_an_inverse_response_is_taken_at_zero_frequency(gain):
     """P = k (1 - s/2) e^(-s/2)/(s (s + 1)) begins the other way; a gain of 0.2/k stabilises it."""
     process = pidalab.Process([-0.5 * gain, gain], [1.0, 1.0, 0.0], 0.5)
     assert circle(pidalab.Loop(process, 0.2 / gain)).holds
@@ -118,8 +118,8 @@ def test_the_residue_of_an_inverse_response_is_that_at_rest(gain):
 
 
 @pytest.mark.parametrize("longest", [0.2, 5.0])
-def test_the_search_for_a_filter_ends_at_a_thousandth_of_where_it_began(longest):
-    """Of a property that holds down to a known time constant, whatever the loop."""
+def test_smallest_filter_time_searches_three_decades(longest):
+    """The property holds down to a known time constant."""
 
     def found(border):
         return smallest_filter_time(lambda filter_time: filter_time, lambda time: time >= border, longest)
@@ -129,7 +129,7 @@ def test_the_search_for_a_filter_ends_at_a_thousandth_of_where_it_began(longest)
 
 
 def test_short_filter():
-    """|F| has a hump of hundreds, around which the dead time turns the phase thousands of times."""
+    """|F| has a peak of several hundred, around which the phase makes thousands of turns."""
     loop = pidalab.Loop(UNIT, pidalab.SeriesPIDA(0.1, 0.2, 0.05, 0.5, filter_time=1e-3, filter_order=2))
     result = circle(loop)
     w = result.frequency + np.linspace(-20.0, 20.0, 400_001)
@@ -143,7 +143,7 @@ FILE = oracle("limits.json")
 
 
 def limited_loop(case):
-    """The loop of a case, with its automatic reset if it has one."""
+    """Return the loop of a case, with its automatic reset if it has one."""
     loop = oracle_loop(case)
     return (
         pidalab.Loop(loop.process, pidalab.SeriesPIDA(**case["arguments"])) if "arguments" in case else loop
@@ -160,7 +160,7 @@ def test_circle(case):
     "case", [c for c in FILE["cases"] if "popov" in c["values"]], ids=lambda c: c["name"]
 )
 def test_popov(case):
-    """No multiplier has more margin."""
+    """No other multiplier has a larger margin."""
     found, true = popov(limited_loop(case)), float(case["values"]["popov"])
     assert found.margin == pytest.approx(true, rel=1e-9, abs=1e-9)
 

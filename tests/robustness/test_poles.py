@@ -1,4 +1,4 @@
-"""Stability: polynomial roots, critical gains, poles in closed form and of random loops."""
+"""Compare stability and poles with polynomial roots, closed forms, the argument principle and the oracle."""
 
 import math
 
@@ -88,7 +88,7 @@ def test_rightmost_poles_of_an_integrator_are_lambert_w(gain):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_rightmost_poles_of_random_loops(seed):
-    """They solve the characteristic equation, and as many are unstable as the argument principle counts."""
+    """The poles solve the characteristic equation, and the number of unstable ones matches the argument principle."""
     loop = random_loop(seed)
     found = pidalab.rightmost_poles(loop, count=10)
     assert found.size in (10, 11)
@@ -107,7 +107,7 @@ def test_rightmost_poles_without_dead_time():
 
 
 def test_rightmost_poles_of_a_neutral_loop():
-    """Right of the chain at log(0.5) they can be told apart; of the chain itself there is no rightmost one."""
+    """Right of the chain at log(0.5) poles are separate. The chain itself has no rightmost pole."""
     neutral = Loop(Process([0.5, 1.0], [1.0, 1.0], delay=1.0), 1.0)
     found = pidalab.rightmost_poles(neutral)
     assert np.abs(1 + neutral.L(found)) == pytest.approx(0, abs=1e-10)
@@ -117,7 +117,7 @@ def test_rightmost_poles_of_a_neutral_loop():
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_rightmost_poles_do_not_split_a_cluster(count):
-    """A triple pole comes whole, however few are asked for."""
+    """A triple pole is returned whole, even if fewer poles are asked for."""
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(0.02, delay=3.0), m=0, n=0, te=0.0).loop()
     assert pidalab.rightmost_poles(loop, count) == pytest.approx([(math.sqrt(2) - 2) / 3] * 3, abs=1e-4)
 
@@ -140,7 +140,7 @@ def test_many_equal_lags_without_dead_time_have_their_closed_loop_poles(order, l
 
 @pytest.mark.parametrize("gain", [3.162, 2.0])
 def test_a_lag_that_the_controller_cancels_stays_a_pole(gain):
-    """The zero of the controller lies on the pole of the process to the last bit, where L is 0/0."""
+    """The zero of the controller is exactly the pole of the process, where L is 0/0."""
     filter_time = 0.0033541565443812476
     loop = Loop(pidalab.fopdt(gain, 10.0, 0.0), PIDA(47.1438244290703, 10.0), control.tf(1, [filter_time, 1]))
     others = np.roots([filter_time, 1.0, 4.71438244290703 * gain])
@@ -149,7 +149,7 @@ def test_a_lag_that_the_controller_cancels_stays_a_pole(gain):
 
 
 def test_a_cluster_far_to_the_left_does_not_hide_the_others():
-    """Four poles of a filter, a hundredth apart at -333: Aberth's method does not tell all of them."""
+    """Aberth's method does not separate four poles of a filter near -333."""
     loop = Loop(pidalab.lags(8), pidalab.HighOrderPID([1 / 3, 1.0, 0.3], filter_time=0.003, filter_order=4))
     pair = pidalab.rightmost_poles(loop)
     value = loop.transfer("y", "d", pair[:1] * (1 + 1e-9))
@@ -164,7 +164,7 @@ def test_a_cluster_far_to_the_left_does_not_hide_the_others():
 @pytest.mark.parametrize("delay", [1e-3, 1e-9])
 @pytest.mark.parametrize("seed", range(6))
 def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
-    """All poles of the loop without dead time, each once, also where the dead time's own lie out of reach."""
+    """The poles are those of the loop without dead time, each once."""
     loop = random_loop(seed, delay=False)
     short = Loop(Process(loop.process.num, loop.process.den, delay * 1e-2), loop.controller)
     expected = pytest.approx(pidalab.rightmost_poles(loop, count=4), abs=1e-9 + 5 * delay, rel=1e-6 + delay)
@@ -172,8 +172,8 @@ def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
 
 
 @pytest.mark.parametrize("delay", [10.0, 30.0, 50.0, 300.0])
-def test_rightmost_pole_of_an_unstable_process_that_feedback_cannot_reach(delay):
-    """s^2 - 1 + 2 e^{-s delay}: the pole is 1 less e^{-delay}, right of which only rounding is left of the feedback."""
+def test_rightmost_pole_of_an_unstable_process_with_long_dead_time(delay):
+    """The pole of s^2 - 1 + 2 e^{-s delay} is 1 - e^{-delay}. To its right only rounding is left of the feedback."""
     loop = Loop(Process([2.0], [1.0, 0.0, -1.0], delay), 1.0)
     assert pidalab.rightmost_poles(loop) == pytest.approx([1 - math.exp(-delay)], abs=1e-7)
 
@@ -184,7 +184,7 @@ CASES = oracle("margins.json")["cases"]
 
 
 def changed(case, factor, extra):
-    """The loop of a case with another gain and a longer dead time."""
+    """Return the loop of a case with another gain and a longer dead time."""
     loop = oracle_loop(case)
     process = Process(loop.process.num, loop.process.den, loop.process.delay + extra)
     num, den = loop.blocks["controller"]
@@ -208,7 +208,7 @@ LIMITS = [
 
 @pytest.mark.parametrize(("case", "limit"), LIMITS)
 def test_limits_of_stability(case, limit):
-    """With a millionth less gain or dead time than at the limit the loop is stable, with a millionth more it is not."""
+    """The loop is stable a millionth below the limit, and unstable a millionth above it."""
     value = float(case["values"][limit])
     if limit == "dm":
         near = 1e-6 * (case["delay"] + value)

@@ -1,4 +1,4 @@
-"""Margins at the samples: against python-control, closed forms, added gain and dead time, and the continuous limit."""
+"""Compare margins of sampled loops with python-control, closed forms and the oracle."""
 
 import dataclasses
 import math
@@ -23,7 +23,7 @@ LOOPS = {
 
 
 def closed_loop(process, k):
-    """Closed-loop poles by python-control, for a dead time of whole samples."""
+    """Return the closed-loop poles by python-control, for a dead time of whole samples."""
     plant = control.c2d(control.tf(process.num, process.den), H, "zoh")
     late = control.tf([1.0], np.eye(1, round(process.delay / H) + 1)[0], H)
     chain = plant * late * k.transfer_function()
@@ -32,7 +32,7 @@ def closed_loop(process, k):
 
 
 def times(k, gain):
-    """The digital controller with so many times its gain."""
+    """Return the digital controller with its gain multiplied."""
     paths = tuple(path._replace(gains=tuple(gain * each for each in path.gains)) for path in k.paths)
     growth = k.growth if k.from_signal else tuple(gain * each for each in k.growth)
     return dataclasses.replace(k, paths=paths, growth=growth)
@@ -78,8 +78,8 @@ def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
 
 
 @pytest.mark.parametrize("gain", [0.3, 0.7])
-def test_a_lag_of_the_plant_that_is_unstable_needs_a_gain(gain):
-    """1/(s - p): stable from the gain p on, which L at zero frequency tells, to where z = -1 is a pole."""
+def test_gain_margins_of_an_unstable_sampled_plant(gain):
+    """1/(s - p) is stable for gains from p to the one where z = -1 is a pole."""
     p, h = 0.2, 0.5
     k = PIDA(gain, math.inf).discretise(h)
     found = margins(Loop(Process([1.0], [1.0, -p]), k))

@@ -1,4 +1,4 @@
-"""Series controllers of huba2024: closed forms, the multiple pole, bad input."""
+"""Check the series controllers of huba2024 by closed forms and by their multiple poles."""
 
 import math
 
@@ -57,7 +57,7 @@ def test_quintuple_pole():
 
 @pytest.mark.parametrize("setting", [reset.PI, reset.PID], ids=lambda setting: setting.name)
 def test_rightmost_poles(setting):
-    """Behind a filter that hardly delays, the poles gather at -1/T_0; PIDA without filter is of advanced type."""
+    """With a very short filter the poles lie near -1/T_0. PIDA without a filter is of advanced type."""
     order = len(np.trim_zeros(numerator(setting), "f")) + 1
     design = reset.tune(UNIT, setting, n=1, filter_time=1e-4, weight=0)
     poles = pidalab.rightmost_poles(design.loop(), count=order)
@@ -76,7 +76,7 @@ def test_equation_29():
         assert numerator(setting) == pytest.approx(expected, rel=1e-12)
 
 
-def test_prefilter_takes_the_zeros_away():
+def test_prefilter_cancels_the_zeros():
     for setting in reset.SETTINGS.values():
         design = reset.tune(UNIT, setting, n=4, filter_time=0.2)
         zeros = np.sort_complex(np.roots(design.controller.transfer_function().num[0][0]))

@@ -1,4 +1,4 @@
-"""SIMC, AMIGO, lambda tuning, Chien-Hrones-Reswick and Ziegler-Nichols: published examples and closed forms."""
+"""Check SIMC, AMIGO, lambda tuning, Chien-Hrones-Reswick and Ziegler-Nichols by published examples and closed forms."""
 
 from functools import reduce
 
@@ -20,7 +20,7 @@ def test_ultimate_rule_of_an_integrator_with_dead_time(gain):
 
 
 def test_ultimate_rule_of_an_integrator_with_lags():
-    """Of 1/(s (s + 1)(s + 2)) Routh has the border at K = 6, where it oscillates at the root of 2."""
+    """By Routh's criterion 1/(s (s + 1)(s + 2)) oscillates at K = 6, with a frequency of sqrt(2)."""
     design = classical.ziegler_nichols_ultimate(pidalab.Process([1.0], [1.0, 3.0, 2.0, 0.0]))
     period = 2 * np.pi / np.sqrt(2)
     assert design.ultimate_gain == pytest.approx(6.0)
@@ -54,15 +54,15 @@ LAG, INTEGRATOR = pidalab.fopdt(K, T, L), pidalab.ipdt(K, L)
         (classical.lambda_tuning, LAG, "PID", (3.25 / (K * 3.25), 3.25, 0.75 / 3.25)),
     ],
 )  # fmt: skip
-def test_every_rule_beside_its_printed_formula(rule, model, kind, expected):
+def test_rules_match_their_printed_formulas(rule, model, kind, expected):
     found = rule(model, kind).controller
     assert (found.kp, found.ti, found.td, found.ta) == pytest.approx((*expected, 0.0), rel=1e-12)
     assert found.n == 10
 
 
 @pytest.mark.parametrize("kind", ["PI", "PID"])
-def test_closed_loop_time_stands_beside_the_dead_time(kind):
-    """Of an integrator with a lag, which the PID cancels and the PI adds to the dead time."""
+def test_closed_loop_time_adds_to_the_dead_time(kind):
+    """The PID cancels the lag of an integrator, the PI adds half of it to the dead time."""
     model = pidalab.Process([0.5], [3.0, 1.0, 0.0], delay=1.0)
     found = classical.simc(model, kind, closed_loop_time=0.25)
     rest = 1.0 if kind == "PID" else 1.0 + 3.0 / 2
@@ -131,7 +131,7 @@ SKOGESTAD = {  # the fifteen examples of Skogestad (2003)
 @pytest.mark.parametrize("kind", ["PI", "PID"])
 @pytest.mark.parametrize("name", SKOGESTAD)
 def test_simc_takes_all_examples_of_its_author(name, kind):
-    """With a closed-loop time where two lags are all there is: then there is no effective dead time."""
+    """A closed-loop time is given for two lags alone, which have no effective dead time."""
     wanted = 0.1 if (name, kind) == ("E1", "PID") else None
     design = simc(SKOGESTAD[name], kind, closed_loop_time=wanted, n=1e4)
     # of the PID for E13, which he does not print, 2.9: its model is a rough one
@@ -152,7 +152,7 @@ def test_simc_takes_all_examples_of_its_author(name, kind):
     ],
 )
 def test_zeros_in_the_left_half_plane(name, kind, gain, lags, delay):
-    """The models that the author prints for them, from memory: his table is not at hand.
+    """Compare with the models that the author prints, quoted from memory: his table is not at hand.
 
     The PI model of E6 is not among them. The half rule gives it the dead time 1.188; the printed value may be 1.69, the
     sum of all its lags.
@@ -173,14 +173,14 @@ def test_zeros_in_the_left_half_plane(name, kind, gain, lags, delay):
         ([2.0], [8.0], 1.0, 5.0 / 8.0),  # T3: the lag is more than five times as long, and 3 of it are left
     ],
 )
-def test_a_zero_and_the_lag_beside_it(leads, lags, delay, gain):
-    """Another lag, far away, tells the gain that the pair leaves."""
+def test_a_zero_cancels_a_lag_nearby(leads, lags, delay, gain):
+    """Another, much slower lag shows the gain that is left."""
     design = simc(of_times(1.0, leads, [*lags, 1e3], delay), "PID")
     assert (design.gain, design.lags[0], design.delay) == pytest.approx((gain, 1e3, delay), rel=1e-9)
     assert design.lags[1:] == pytest.approx([3.0] if leads == [2.0] else [])
 
 
-def test_a_dead_time_alone_is_integrated():
+def test_a_dead_time_alone_gets_an_integral_controller():
     """1/(K (tau_c + theta)) over s: L = e^(-s theta)/(2 theta s), whose Ms is 1.59."""
     design = simc(of_times(2.0, [], [], 3.0), "PI")
     assert design.controller(0.1j) == pytest.approx(1 / (2.0 * 6.0 * 0.1j))

@@ -1,4 +1,4 @@
-"""One Design for all rules: what each returns, and that it does not change."""
+"""Check the Design that each rule returns: its loop, its attributes, and that it is immutable and can be copied."""
 
 import copy
 import pickle
@@ -39,7 +39,7 @@ def test_every_rule_returns_one_design(design):
     assert len(max(str(design).splitlines(), key=len)) < 160
 
 
-def test_info_is_read_as_attributes_and_nothing_changes(design):
+def test_info_is_read_as_attributes_and_a_design_is_immutable(design):
     for name, value in design.info.items():
         assert getattr(design, name) is value
         assert name in dir(design)
@@ -53,7 +53,7 @@ def test_info_is_read_as_attributes_and_nothing_changes(design):
         _ = design.nonsense
 
 
-def test_a_design_travels(design):
+def test_a_design_can_be_pickled_and_copied(design):
     for other in (pickle.loads(pickle.dumps(design)), copy.copy(design), copy.deepcopy(design)):
         assert (other.controller, other.info, other.source) == (design.controller, design.info, design.source)
         assert str(other) == str(design)

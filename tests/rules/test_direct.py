@@ -1,4 +1,4 @@
-"""Direct ITAE rules beside the optima stored by studies/itae_optima.py, and the refitted factors of the ITAE rule."""
+"""Compare the direct ITAE rules and the refitted factors with the optima stored by studies/itae_optima.py."""
 
 import csv
 import math
@@ -32,7 +32,7 @@ def itae_of(kind, r, xi, controller, end=100.0):
 
 
 def validation(kind, bound):
-    """Ratio, damping, optimal controller and its ITAE, for every fourth model that is not used in the fit."""
+    """Yield ratio, damping, optimal controller and its ITAE for every fourth model that is not used in the fit."""
     rows = [
         row for row in OPTIMA if (row["role"], row["kind"], row["ms_bound"]) == ("validation", kind, bound)
     ]
@@ -45,7 +45,7 @@ def validation(kind, bound):
 
 @pytest.mark.parametrize(("kind", "bound"), [("setpoint", "inf"), ("load", "inf"), ("load", "2")])
 def test_stored_optima(kind, bound):
-    """The table holds 80 and 40 models; its ITAE is that of its controllers, and the bound on Ms is kept."""
+    """The table has 80 and 40 models, the ITAE of its controllers, and keeps the bound on Ms."""
     roles = [row["role"] for row in OPTIMA if (row["kind"], row["ms_bound"]) == (kind, bound)]
     assert (roles.count("fit"), roles.count("validation")) == (80, 40)
     for r, xi, controller, least in validation(kind, bound):
@@ -55,7 +55,7 @@ def test_stored_optima(kind, bound):
 
 
 def test_setpoint_is_near_the_optimum():
-    """For models that are not used in the fit: at most 12 % above it, and always better than the rule of the paper."""
+    """For models not used in the fit it is at most 12 % above, and always better than the paper's rule."""
     for r, xi, _, least in validation("setpoint", "inf"):
         own, printed = (
             itae_of("setpoint", r, xi, f(unit(r, xi))) for f in (direct.setpoint, itae.pida_setpoint)
@@ -65,13 +65,13 @@ def test_setpoint_is_near_the_optimum():
 
 
 def test_load_is_near_the_optimum_with_its_bound():
-    """For models that are not used in the fit: at most 30 % above it. No rule with such an Ms can be far below."""
+    """For models not used in the fit it is at most 30 % above, and at most 3 % below."""
     for r, xi, _, least in validation("load", "2"):
         assert 0.97 * least < itae_of("load", r, xi, direct.load(unit(r, xi))) < 1.3 * least
 
 
 def refitted(kind):
-    """The ITAE rule with its refitted factors, as a rule."""
+    """Return the ITAE rule with its refitted factors."""
     rule, factors = REFITTED[kind]
     return lambda model: rule(model, factors=factors(model))
 
@@ -99,7 +99,7 @@ def test_setpoint_cancels_the_poles(xi):
 @pytest.mark.parametrize(("slower", "bound"), [(0.5, 2.03), (2, 2.3), (4, 2.95)])
 @pytest.mark.parametrize("rule", [direct.setpoint, direct.load])
 def test_rules_are_robust_with_other_filters(rule, slower, bound):
-    """Also where the lead of `setpoint` is below 0; with a lead of at least 0, Ms would be 5.8 and 397."""
+    """The lead of `setpoint` may be negative. With a lead of at least 0, Ms would be 5.8 and 397."""
     for xi in (0.3, 0.4, 0.7, 2.0):
         for r in (0.1, 0.14, 0.3, 2.0):
             loop = pidalab.Loop(unit(r, xi), rule(unit(r, xi), 0.05 * slower, 0.025 * slower))
@@ -109,7 +109,7 @@ def test_rules_are_robust_with_other_filters(rule, slower, bound):
 
 @pytest.mark.parametrize(("r", "xi"), [(0.1, 0.3), (0.1, 2.0), (2.0, 0.3), (2.0, 2.0)])
 def test_load_by_hand(r, xi):
-    """The matrix of the docstring, at the corners."""
+    """Compare with the matrix of the docstring, at the corners of the range."""
     matrix = [[0.040, 0.546, 0.455], [0.344, 1.852, 0.003], [0.790, 0.714, -0.076], [0.335, 0.058, -0.023]]
     ki, kp, kd, ka = np.array(matrix) @ [1.0, r * xi, r**2] / [r**3, r**2, r, 1.0]
     c = direct.load(unit(r, xi))

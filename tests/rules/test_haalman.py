@@ -1,4 +1,4 @@
-"""Generalized Haalman rule: cancellation, and the gain that reaches Ms."""
+"""Check the generalised Haalman rule: cancellation, and the gain that reaches Ms."""
 
 import dataclasses
 import math
@@ -18,7 +18,7 @@ MODELS = {"third": THIRD, "second": SECOND}
 
 @pytest.fixture(scope="module")
 def tuned():
-    """Controllers by (model, ms); each is computed once."""
+    """Return controllers by (model, ms)."""
     rules = {"third": partial(haalman.pida, m=10), "second": haalman.pid}
     return {(name, ms): rules[name](MODELS[name], ms=ms) for name in MODELS for ms in (1.4, 2.0)}
 
@@ -56,7 +56,7 @@ def test_output_filter_is_twenty_times_faster_than_the_crossover(tuned):
 
 
 def test_integrator_with_dead_time_in_closed_form():
-    """A filter that is far away leaves kp K/(ti s) e^{-Ls}: kp L/ti is a number that depends on Ms alone."""
+    """With a very fast filter L is kp K/(ti s) e^{-Ls}, so that kp L/ti depends on Ms alone."""
     x = np.linspace(0.5, 2.0, 1_000_001)  # frequency times dead time
     C = haalman.pid(SECOND, ms=1.59049, n=1e5)
     k = C.kp * SECOND.delay / C.ti
@@ -65,7 +65,7 @@ def test_integrator_with_dead_time_in_closed_form():
 
 
 def test_the_ms_of_a_design_is_that_of_its_loop(tuned):
-    """The output filter raises it; what was asked for has a name of its own."""
+    """The output filter raises it. The value asked for is `ms_asked`."""
     design = haalman.tune(pidalab.lags(3, delay=1.0), ms=1.4)
     assert design.ms_asked == 1.4
     assert design.ms == pidalab.margins(design.loop()).ms > 1.5
@@ -74,8 +74,8 @@ def test_the_ms_of_a_design_is_that_of_its_loop(tuned):
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e-9, 1e-10])
-def test_a_short_unit_of_time_makes_a_filter_fast_and_no_digit_wrong(unit):
-    """Its filter is ta/m, and ta the square of a time: at lags of 1e-9 it is 3e-11 of them, without being asked for."""
+def test_short_lags_keep_their_digits(unit):
+    """The filter time is ta/m, and ta is the square of a time. For lags of 1e-9 the filter is 3e-11 of them."""
     areas = []
     for lag, m in ((unit, 10), (1.0, 1e7)):  # the second filter is 3e-8 of its lags
         process = pidalab.lags(3, lag=lag, delay=lag)

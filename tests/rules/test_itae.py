@@ -1,4 +1,4 @@
-"""Explicit ITAE rule: the proof of each correction, the break points, units, the range, refusals."""
+"""Check the explicit ITAE rule: all branches of its tables, the range, filters and given factors."""
 
 from collections.abc import Callable
 
@@ -23,7 +23,7 @@ def unit(r: float, xi: float) -> pidalab.Process:
 
 
 def test_branches_that_no_example_reaches():
-    """By hand: Table 2 with damping above 0.9, and with r > 1; Table 3 with r >= 0.9; Table 1 with damping above 1."""
+    """Compute Table 2 with damping above 0.9 and r > 1, Table 3 with r >= 0.9, Table 1 with damping above 1."""
     assert itae.pid_setpoint(unit(1.0, 1.0)).kc == pytest.approx(-0.544 + 0.308 + 1.408, rel=1e-12)
     assert itae.pid_setpoint(unit(2.0, 1.0)).tau_i == pytest.approx(1.768 + 2 * 0.329, rel=1e-12)
     assert itae.pid_load(unit(0.5, 1.0)).kc == pytest.approx(
@@ -41,7 +41,7 @@ def test_branches_that_no_example_reaches():
 
 @pytest.mark.parametrize("rule", [name for name in RULES if name != "imc_pid"])
 def test_models_in_the_range_have_a_controller(rule):
-    """The loops are stable but for those of the PIDA rule for loads, which is not for short dead times."""
+    """The loops are stable, except those of the PIDA rule for loads with short dead times."""
     for xi in (0.3, 0.6, 1.0, 1.5, 2.0):
         for r in (0.1, 0.2, 0.4, 0.8, 1.3, 2.0):
             controller = RULES[rule](unit(r, xi))
@@ -51,7 +51,7 @@ def test_models_in_the_range_have_a_controller(rule):
 
 
 def test_any_process_of_the_structure():
-    """Coefficients that are not normalised, and real poles."""
+    """The coefficients are not normalised, and the poles are real."""
     model = pidalab.Process([6.0], [12.0, 21.0, 3.0], delay=1.0)
     assert itae.pida_load(model) == itae.pida_load(pidalab.sopdt(2.0, 2.0, 1.75, 1.0))
 
@@ -86,7 +86,7 @@ def test_imc_is_the_pid_of_rivera_with_a_quarter_of_the_dead_time():
 
 
 def test_given_factors():
-    """Those of Table 1 change nothing; with f_d = 0 the PID part is the one of the PID table."""
+    """The factors of Table 1 change nothing. With f_d = 0 the PID part is that of the PID table."""
     model = unit(0.4, 0.7)
     for rule, pid in ((itae.pida_setpoint, itae.pid_setpoint), (itae.pida_load, itae.pid_load)):
         assert rule(model, factors=itae.factors(model)) == rule(model)

@@ -1,4 +1,4 @@
-"""Magnitude optimum: the flat real part, records, noise gains, ranking of orders, refusals."""
+"""Check the magnitude optimum: the flat real part, gains from records, and noise gains."""
 
 import math
 
@@ -43,7 +43,7 @@ FLAT = [G2, pidalab.Process([-0.3, 2.0], poles(2, 1, 0.5), 0.4), pidalab.sopdt(-
 @pytest.mark.parametrize(("m", "n"), [(0, 0), (0, 2), (1, 1), (2, 2), (2, 5), (3, 4)])
 @pytest.mark.parametrize("process", FLAT)
 def test_real_part_is_flat(process, m, n):
-    """Re L(jw) + 1/2 begins with w^(2m + 4): evaluated in 50 digits, without areas and without the matrix."""
+    """Re L(jw) + 1/2 starts with w^(2m + 4). It is evaluated in 50 digits, without areas and matrix."""
     design = mo.tune(process, m, n, 0.1 if n else 0.0)
     with mpmath.workdps(50):
         far, near = (real_part(process, design, mpmath.mpf(w)) + 0.5 for w in (0.2, 0.1))
@@ -51,7 +51,7 @@ def test_real_part_is_flat(process, m, n):
 
 
 def test_integral_of_the_error():
-    """Eq. (37), against the exact response to a step of the set point."""
+    """Compare eq. (37) with the exact response to a step of the set point."""
     design = mo.tune(G2, 2, 3, 0.1)
     response = pidalab.step_response(pidalab.Loop(G2, design.controller), np.linspace(0, 60, 6001))
     assert response.ie() == pytest.approx(design.ie, rel=1e-9)
@@ -63,7 +63,7 @@ def test_integral_of_the_error():
 @pytest.mark.parametrize(("process", "lags", "delay"), [(G1, 4, 0.0), (G2, 2, 0.5)])
 @pytest.mark.parametrize("length", [50, 60, 80])
 def test_gains_from_a_record(process, lags, delay, length):
-    """Those of Table 2 without a model, from a step recorded every 0.002, to the printed digits.
+    """A step recorded every 0.002 gives the gains of Table 2 to the printed digits, without a model.
 
     The record has all its digits: t^8/8! makes the fourth decimal of the gains of PID_3^3 from an error of 1e-13 in y.
     """
@@ -77,14 +77,14 @@ def test_gains_from_a_record(process, lags, delay, length):
 
 
 def record_areas(values, error):
-    """Return areas as of a record, with one error that is fully known."""
+    """Return measured areas with a known error."""
     covariance = np.outer(error, error)
     return areas.MeasuredAreas(values, covariance, (0, 1), (0, 1), (0, 1), True, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_uncertainty_of_gains_is_that_of_areas_passed_on(seed):
-    """By differences and as passed on; a gain that is uncertain by more than itself is refused."""
+def test_uncertainty_of_gains_follows_from_that_of_areas(seed):
+    """Compare with finite differences. A gain with an uncertainty above 100 % is refused."""
     values, m, n, time = areas.from_process(G2, 8), 2, 3, 0.2
     error = 1e-7 * np.random.default_rng(seed).normal(size=8)
     up, down = (np.array(mo.tune(values + sign * error, m, n, time).gains) for sign in (0.5, -0.5))
@@ -126,7 +126,7 @@ def test_estimate_written_out():
 
 
 def test_noise_gain_of_a_lag():
-    """Noise through a sampled lag with pole a has the variance (1 - a)/(1 + a); beside it, a direct share."""
+    """Noise through a sampled lag with pole a has the variance (1 - a)/(1 + a). The second one has a direct part."""
     a = math.exp(-0.1)
     loop = pidalab.Loop(pidalab.Process([0.0], [1.0]), control.tf([1.0], [1.0, 1.0]))
     assert pidalab.noise_gain(loop, 0.1) == pytest.approx(math.sqrt((1 - a) / (1 + a)), rel=1e-10)
@@ -143,6 +143,6 @@ def test_exact_noise_gain():
 
 
 def test_the_noise_of_the_filter_is_not_that_of_the_loop():
-    """The equation of the paper has the noise gain asked for; the loop has another one."""
+    """The filter has the noise gain asked for by the paper's equation. That of the loop differs."""
     design = mo.tune_for_filter_noise(pidalab.lags(3, delay=0.5), 2, 4, 10.0, TS)
     assert 1e-3 < abs(pidalab.noise_gain(design.loop(), TS) / 10.0 - 1) < 0.1

@@ -1,4 +1,4 @@
-"""Multiple real dominant pole tuning: the defining equations in high precision, scaling, stability limits."""
+"""Check multiple real dominant pole tuning: the defining equations, stability limits and the oracle."""
 
 import mpmath
 import numpy as np
@@ -13,7 +13,7 @@ UNIT = pidalab.ipdt(1.0, delay=1.0)
 
 
 def taylor_constants(m):
-    """K_o, tau_i, tau_1 ... from the Taylor polynomial of x^2 e^x at p_o, in 60 digits."""
+    """Return p_o, K_o, tau_i and tau_1 ... from the Taylor polynomial of x^2 e^x at p_o, in 60 digits."""
     with mpmath.workdps(60):
         pole = mpmath.sqrt(m + 2) - (m + 2)
         ascending = [mpmath.mpf(0)]
@@ -38,7 +38,7 @@ def test_closed_form_is_the_taylor_polynomial(m):
 
 @pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(6) for n in (m + 1, m + 3)])
 def test_filter_ratio_puts_both_poles_at_the_same_place(m, n):
-    """At p_o T_f / T_e the derivative of order m+2 of s^2 (s + 1)^n vanishes, and nowhere nearer to 0."""
+    """At p_o T_f / T_e the derivative of order m + 2 of s^2 (s + 1)^n vanishes, and nowhere nearer to 0."""
     derivative = np.polyder(np.convolve([1.0, 0.0, 0.0], np.poly(-np.ones(n))), m + 2)
     pole = mrdp.filter_ratio(m, n) * mrdp.constants(m).pole
     assert -1 < pole < 0
@@ -99,9 +99,9 @@ each_case = pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: ca
 @each_case
 @pytest.mark.parametrize("points", [2, 14, 401], ids=lambda n: f"{n}points")
 def test_engine(case, points):
-    """1e-9, relative to the same scales as in test_exact, at every time, aligned with the dead time or not.
+    """Errors are at most 1e-9, relative to the scales of test_exact, at times aligned with the dead time or not.
 
-    One loop grows in bursts that a coarse grid misses. What it would show has no digits: that is refused.
+    One loop grows in bursts that a coarse grid misses. Its values would have no digits, so they are refused.
     """
     if case["name"] == BURSTS and points < 401:
         with pytest.raises(ValueError, match="far larger ones; ask for more times"):
@@ -113,7 +113,7 @@ def test_engine(case, points):
 
 @each_case
 def test_design(case):
-    """The rule still gives this loop, up to rounding; the unstable ones, and only they, have an envelope."""
+    """The rule gives the stored loop up to rounding. Only unstable loops have an envelope."""
     loop = pidalab.rules.mrdp.tune(pidalab.ipdt(**case["model"]), **case["design"]).loop()
     for name in ("process", "controller", "prefilter"):
         for ours, stored in zip(loop.blocks[name], oracle_loop(case).blocks[name], strict=True):
@@ -125,7 +125,7 @@ def test_design(case):
     "case", [c for c in ORACLE["cases"] if "envelope" in c], ids=lambda case: case["name"]
 )
 def test_envelope(case):
-    """The engine diverges as the envelope does, to 1e-9, also where the growth is in bursts between the times."""
+    """The largest values match the envelope to 1e-9, also between the stored times."""
     times, grid = np.array(case["times"]), case["delay"] * np.arange(161) / 8
     unit = np.abs(unit_step_responses(oracle_loop(case), grid, "rd"))
     seen = np.searchsorted(grid, times, side="right") - 1

@@ -1,4 +1,4 @@
-"""One entry makes a rule known to tune, compare, report and the command line."""
+"""Check the registry: one entry makes a rule known to tune, compare, report and the command line."""
 
 import csv
 
@@ -17,7 +17,7 @@ from pidalab.rules.registry import RULES, Rule, find
 PLANT = pidalab.fopdt(1.0, lag=4.0, delay=1.0)
 
 
-def known_at_every_door(name, tmp_path):
+def is_known_everywhere(name, tmp_path):
     design = pidalab.tune(PLANT, "PI", rule=name)
     assert design.source == RULES[name].source
     (row,) = [row for row in pidalab.compare(PLANT, rules=[name]).rows if row.kind == "PI"]
@@ -42,12 +42,12 @@ def known_at_every_door(name, tmp_path):
     assert name in registry._table()
 
 
-def test_a_new_entry_is_known_at_every_door(monkeypatch, tmp_path):
+def test_a_new_entry_is_known_to_all_functions_and_commands(monkeypatch, tmp_path):
     def design(model, kind, limits):
         return Design(model, PIDA(0.5, 3.0), source="nobody (2026)")
 
     monkeypatch.setitem(RULES, "mine", Rule("mine", "nobody (2026)", {"PI": "process"}, design))
-    known_at_every_door("mine", tmp_path)
+    is_known_everywhere("mine", tmp_path)
 
 
 def test_the_default_comparison_is_that_of_the_book():
@@ -62,7 +62,7 @@ def test_the_default_comparison_is_that_of_the_book():
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.name)
 def test_an_entry_names_the_source_of_its_designs(rule):
-    """The paper; tables and equations may depend on the kind."""
+    """The entry names the paper. Tables and equations may depend on the kind."""
     for name, kind, make in designs(pidalab.lags(3, delay=1.0), Requirements(), [rule.name]):
         design = make()
         assert name == rule.name
@@ -74,8 +74,8 @@ def test_an_entry_names_the_source_of_its_designs(rule):
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_rule_knows_no_unit(rule):
-    """Minutes in place of hours, another gain and its sign: filters and prefilter go with the controller."""
+def test_rules_do_not_depend_on_units(rule):
+    """Time, gain and sign of the process change. Filters and prefilter change with the controller."""
     process, s = pidalab.lags(3, delay=1.0), 1j * np.geomspace(0.05, 20.0, 20)
     other = pidalab.lags(3, lag=60.0, gain=-0.02, delay=60.0)
     for one, scaled in zip(

@@ -1,4 +1,4 @@
-"""Models read off a process: closed forms of step responses, and what cannot be read."""
+"""Compare starting models, read from step responses, with closed forms."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def test_reaction_curve_of_two_equal_lags():
 
 
 def test_an_integrator_with_a_lag_has_its_reaction_curve():
-    """Its ramp meets the level of rest after lag and dead time."""
+    """The tangent starts after lag and dead time."""
     models = StartingModels(pidalab.Process([2.0], [0.3, 1.0, 0.0], 0.7))
     assert models.reaction is models.integrator
     assert models.reaction.delay == pytest.approx(1.0, rel=1e-3)
@@ -25,7 +25,7 @@ def test_an_integrator_with_a_lag_has_its_reaction_curve():
 
 
 @pytest.mark.parametrize("lag", [0.01, 0.2, 1.0, 500.0])
-def test_what_is_read_off_a_step_response_does_not_depend_on_the_dead_time(lag):
+def test_reaction_curve_does_not_depend_on_the_dead_time(lag):
     """Two equal lags are steepest after one of them, with the slope 1/(e lag) at a height of 1 - 2/e."""
     model = StartingModels(pidalab.lags(2, lag=lag, delay=1.0)).reaction
     delay = 1.0 + lag - (np.e - 2) * lag
@@ -34,8 +34,8 @@ def test_what_is_read_off_a_step_response_does_not_depend_on_the_dead_time(lag):
     assert model.den[0] / model.den[1] == pytest.approx(reached - delay, rel=1e-5)
 
 
-def test_a_step_response_that_jumps_beyond_its_reach_is_there_at_once():
-    """With 80 % of the response in its jump there is no lag to read off."""
+def test_a_step_response_with_a_large_jump_has_no_lag():
+    """The jump is 80 % of the response."""
     with pytest.raises(ValueError, match="lag must be above 0"):
         _ = StartingModels(pidalab.Process([0.8, 1.0], [1.0, 1.0])).reaction
 

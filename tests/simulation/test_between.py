@@ -1,4 +1,4 @@
-"""The exact engine between dead times, with filters of ordinary and of extreme speed, against the oracle."""
+"""Compare the exact engine between dead times with the oracle, for ordinary and extreme filters."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def exact(loop, time, digits=120):
 
 
 def assert_exact(loop, time, points, true, rel=1e-9, abs_=0.0):
-    """Check all signals at the last of some times."""
+    """Compare all signals at the last of `points` times."""
     unit = unit_step_responses(loop, np.linspace(0.0, time, points), "rdn")
     for k, name in enumerate(INPUTS):
         for signal, row in SIGNALS.items():
@@ -77,8 +77,8 @@ def test_fast_and_loud_controllers_keep_their_digits(process, controller, time, 
     ],
     ids=["series", "unstable lag", "feeds back much"],
 )
-def test_a_kick_without_a_jump_comes_back(process, controller, time):
-    """Behind a filter of higher order a kick has no direct part, and is as high."""
+def test_a_peak_behind_a_high_order_filter_comes_back(process, controller, time):
+    """Behind a filter of higher order the peak has no jump, and is as high."""
     loop = Loop(process, controller)
     for points in (2, 301):
         assert_exact(loop, time, points, exact(loop, time, 200))
@@ -88,8 +88,8 @@ FLANK = Loop(lags(3, delay=1.0), PIDA(1.0, 3.0, 1.0, 0.3, n=10, m=1e9))
 
 
 @pytest.mark.parametrize("constants", [15.0, 45.0])
-def test_in_the_flank_of_a_kick(constants):
-    """So many time constants of a filter of 3e-10 after a dead time, u is what the filter still makes of the kick."""
+def test_the_decay_of_a_short_peak(constants):
+    """The time is some time constants of a filter of 3e-10 after a dead time, when the peak decays."""
     time = 1.0 + 3e-10 * constants
     found = unit_step_responses(FLANK, np.array([0.0, time]), "r")[0, 2, -1]
     # the digits of its time: 1e-16 of 3e-10, four times over

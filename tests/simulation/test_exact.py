@@ -1,4 +1,4 @@
-"""Simulation of held inputs: superposition, python-control, closed forms."""
+"""Compare the simulation of held inputs with superposition, python-control, closed forms and the oracle."""
 
 import math
 
@@ -47,7 +47,7 @@ def test_held_inputs_are_superposed_steps(name):
 
 @pytest.mark.parametrize("source", ["r", "d", "n"])
 def test_against_python_control_without_delay(source):
-    """python-control interpolates linearly, so its input is held as short ramps: extrapolate their length to zero."""
+    """Discretising with a zero-order hold is exact for held inputs."""
     P, C = control.tf([1.0, 3.0], [1.0, 2.0, 4.0]), PIDA(1.5, 2.0, 0.3, 0.1)
     t = np.linspace(0.0, 8.0, 81)
     loop, F = Loop(P, C), C.transfer_function()
@@ -88,7 +88,7 @@ def test_ensemble_is_simulate_row_by_row():
             np.testing.assert_allclose(getattr(record, key), getattr(single, key), atol=1e-12)
 
 
-def test_limits_that_are_not_reached_play_no_part():
+def test_limits_that_are_not_reached_have_no_effect():
     def limited(low, high):
         own = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(low, high))
         return Loop(pidalab.fopdt(1.0, 1.0, 1.0), own)
@@ -108,7 +108,7 @@ def test_a_chain_of_equal_lags_is_an_incomplete_gamma_function(order, lag, delay
 
 
 def test_a_short_dead_time_is_followed():
-    """600,000 dead times to the steady state; in between the loop without dead time is as near as that time."""
+    """The steady state comes after 600,000 dead times. Until then the loop without dead time differs by about one."""
     t = np.linspace(0.0, 60.0, 61)
     y, bare = (
         simulate(Loop(pidalab.fopdt(1.0, 1.0, delay), 0.5), t, setpoint=1.0).y for delay in (1e-4, 0.0)
@@ -147,6 +147,6 @@ def test_open_loop_step_of_any_block(block):
 @pytest.mark.parametrize("points", [2, 14, 401], ids=lambda n: f"{n}points")
 @pytest.mark.parametrize("case", oracle("delay_loops.json")["cases"], ids=lambda case: case["name"])
 def test_oracle(case, points):
-    """1e-9 relative to max(1, |value|) (or the running envelope) at every time, aligned with the dead time or not."""
+    """Errors are at most 1e-9 of max(1, |value|) or the envelope, at times aligned with the dead time or not."""
     error, where = worst_error(case, points)
     assert error <= 1e-9, where

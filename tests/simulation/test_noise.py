@@ -1,4 +1,4 @@
-"""Noise and what a loop makes of it: closed forms, the seed, limits that play no part."""
+"""Check noise and noise gains: the seed, closed forms and the oracle."""
 
 import dataclasses
 import math
@@ -24,7 +24,7 @@ def test_noise_is_held_bounded_and_reproducible():
 
 
 def test_noise_gain_is_of_linear_loops():
-    """Limits play no part; an automatic reset is an integrator."""
+    """Limits have no effect, and an automatic reset counts as an integrator."""
     series = pidalab.SeriesPIDA(0.3, 0.1, 0.0, 1.5, 0.1, 2)
     loop = Loop(pidalab.ipdt(1.0, delay=0.37), series)
     limited = dataclasses.replace(loop.controller, limits=(-0.1, 0.1))
@@ -49,7 +49,7 @@ def test_noise_gain_of_a_lag_in_closed_form(kp, h):
 
 
 def test_noise_gain_without_a_process():
-    """Noise comes through at once; a controller without gain passes none."""
+    """Noise passes the controller directly. A controller without gain passes none."""
     late = pidalab.Process([0.0], [1.0, 1.0])
     assert pidalab.noise_gain(Loop(late, 3.0), 0.1) == 3.0
     assert pidalab.noise_gain(Loop(pidalab.fopdt(1.0, 1.0, 0.5), 0.0), 0.1) == 0.0

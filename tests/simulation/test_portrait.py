@@ -1,4 +1,4 @@
-"""Portraits: every measure is that of the loop alone, whoever computes it, and nothing is ever missing."""
+"""Check portraits: every measure is that of a single simulation, with any executor."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor
@@ -78,7 +78,7 @@ def test_an_error_that_dips_below_zero_between_two_samples_counts():
 
 
 def cancelling(kp, kd, ka, ti):
-    """Denominator of huba2024, eq. (20), in descending powers; arrays or numbers."""
+    """Return the denominator of huba2024, eq. (20), in descending powers; arrays or numbers."""
     return (ka / kp * ti, ka / kp + kd / kp * ti, kd / kp + ti, 1.0)
 
 
@@ -104,8 +104,8 @@ def test_prefilters_that_differ():
 @pytest.mark.parametrize(
     "c", [(1.0, -1.9, 1.0), (1.0, -2.1, 1.0), (-0.2, 1.1, 0.0), (0.3, -0.2, -0.9), (0.1, -1.0, 1.9)]
 )
-def test_what_an_absolute_value_adds_to_a_parabola(c):
-    """From its roots between 0 and 1, if there are some."""
+def test_integral_of_the_absolute_value_of_a_parabola(c):
+    """It may have roots between 0 and 1."""
     h, start, s = 0.1, 3.0, np.linspace(0.0, 1.0, 200_001)
     e, when = np.polynomial.polynomial.polyval(s, c), start + h * s
     more, weighted = (np.trapezoid(abs(f), s) - abs(np.trapezoid(f, s)) for f in (e, when * e))
@@ -120,7 +120,7 @@ def assert_same_bits(one, other):
 
 @pytest.fixture(scope="module")
 def many():
-    """Sets of many chunks, some of which diverge, and their portrait by threads."""
+    """Return many sets of parameters, some of which diverge, and their portrait."""
     rng = np.random.default_rng(2)
     sets = {
         "kp": rng.uniform(0.05, 0.3, 500),
@@ -151,7 +151,7 @@ def test_process_pool_gives_the_same_bits(many):
         assert pool.submit(os.getpid).result() != os.getpid()  # it is left open
 
 
-def test_what_diverges_is_infinite():
+def test_diverging_sets_are_infinite():
     free = Loop(LOOP.process, SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4))
     p = portrait(free, {"kd": [0.45, 50.0]}, 0.1 * np.arange(5000), load=1.0)
     assert p.diverged.tolist() == [False, True]

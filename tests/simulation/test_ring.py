@@ -1,4 +1,4 @@
-"""The exact engine over dead times: its plain form with every index tested, and how far it follows a loop."""
+"""Run the kernel of the exact engine as plain Python, which checks every index."""
 
 from types import FunctionType
 
@@ -12,7 +12,7 @@ from pidalab.simulation.realisation import cut_at_delay
 
 
 def as_loops(value, made):
-    """Return what numba compiles as Python, which tests each index, and so all that it calls."""
+    """Return a compiled function as plain Python, together with all functions that it calls."""
     if not isinstance(value, Kernel):
         return value
     if id(value) not in made:
@@ -29,7 +29,7 @@ FEW = [case for case in oracle("delay_loops.json")["cases"] if case["delay"]][::
 @pytest.mark.parametrize("form", ["arrays", "loops"])
 @pytest.mark.parametrize("case", FEW, ids=lambda case: case["name"])
 def test_both_plain_forms_give_the_response(case, form):
-    """In array operations and element by element: what the engine gives, which the oracle tests."""
+    """The form with array operations and the one element by element match the engine, which the oracle tests."""
     cut = cut_at_delay(oracle_loop(case), "rd")
     step, n = case["delay"] / 3.7, 23
     arguments = (cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))

@@ -1,4 +1,4 @@
-"""Automatic reset, anti-windup, quantisation and pulses in the sampled engine: by hand, and in continuous time."""
+"""Check automatic reset, anti-windup, quantisation and pulses of the sampled simulation by hand and by the oracle."""
 
 import json
 import math
@@ -17,7 +17,7 @@ CASES = {f"{case['name']}-{'load' if case['load'] else 'setpoint'}": case for ca
 
 
 def errors_against_the_oracle(case, h):
-    """Largest errors of y and of u at the times of the oracle."""
+    """Return the largest errors of y and u at the times of the oracle."""
     own = SeriesPIDA(**case["controller"], limits=tuple(case["limits"]))
     loop = Loop(pidalab.ipdt(1.0, case["delay"]), own, prefilter=control.tf([1.0], case["prefilter"]))
     times = np.array(RECORD["times"])
@@ -29,7 +29,7 @@ def errors_against_the_oracle(case, h):
 
 @pytest.mark.parametrize("name", CASES)
 def test_limited_reset_approaches_the_continuous_loop(name):
-    """First order in the sample time, against Runge-Kutta between the breaks of the method of steps."""
+    """Errors are of first order in the sample time. The oracle uses Runge-Kutta and the method of steps."""
     case = CASES[name]
     assert min(case["u"]) == pytest.approx(case["limits"][0]) or max(case["u"]) == pytest.approx(
         case["limits"][1]
@@ -41,7 +41,7 @@ def test_limited_reset_approaches_the_continuous_loop(name):
 
 
 def test_reset_by_hand():
-    """Every part in a plain loop: filter of third order, fractional dead time, limits, quanta, load and noise."""
+    """A plain loop has all parts: filter of third order, fractional dead time, limits, quanta, load and noise."""
     h, n, time, ti, quanta, limits, delay = 0.05, 160, 0.2, 0.9, (0.01, 0.004), (-0.31, 0.27), 0.123
     kp, kd, ka = 0.5, 0.4, 0.05
     rng = np.random.default_rng(3)
@@ -102,7 +102,7 @@ def test_windup_by_hand(way, sign):
 
 
 def test_conditioned_pi_controller_is_automatic_reset():
-    """With equal shares of a sample the two are the same recurrence, whatever happens at the limits."""
+    """With equal coefficients the two are the same recurrence, also at the limits."""
     h, kp, ti, limits = 0.05, 0.7, 1.5, (-0.2, 0.25)
     process, t = pidalab.ipdt(1.0, 0.4), h * np.arange(800)
     inputs = {"setpoint": 1.0, "load": np.where(t < 20.0, 0.0, 0.15)}
@@ -114,7 +114,7 @@ def test_conditioned_pi_controller_is_automatic_reset():
 
 
 def test_quantisation_by_hand():
-    """P control of an integrator; 2.5 quanta go to 2, and the measurement has steps of its own."""
+    """An integrator is under P control. 2.5 quanta are rounded to 2, and the measurement has its own quantum."""
     loop = Loop(pidalab.ipdt(1.0, 0.0), 0.5)
     out = simulate_sampled(loop, np.arange(5.0), 1.25, quanta=(0.0, 0.25))
     assert out.u.tolist() == [0.5, 0.5, 0.0, 0.0, 0.0]  # 2.5, 1.5 and 0.5 quanta
@@ -124,7 +124,7 @@ def test_quantisation_by_hand():
 
 
 def pulses_by_hand(widths, limits, h, delay, load, wanted):
-    """Output of 1/((s + 1)(0.5 s + 1)) at the samples, and its integral: from switch to switch."""
+    """Return states of 1/((s + 1)(0.5 s + 1)) and the integral of its output at the samples."""
     A = np.array([[-1.0, 0.0, 0.0], [2.0, -2.0, 0.0], [0.0, 1.0, 0.0]])
     b, edges = np.array([1.0, 0.0, 0.0]), [(-1.0, 0.0)]  # from when on, which input
     for k, u in enumerate(wanted):
@@ -147,7 +147,7 @@ def pulses_by_hand(widths, limits, h, delay, load, wanted):
 
 @pytest.mark.parametrize("delay", [0.0, 0.07, 0.2, 0.47])
 def test_pulses_by_hand(delay):
-    """Proportional control with random set points and loads; widths, levels and every switching time are checked."""
+    """Set points and loads are random."""
     h, n, widths, limits, rng = 0.2, 40, 5, (-0.4, 1.1), np.random.default_rng(5)
     load, r = 0.3 * rng.normal(size=n), rng.uniform(-1.0, 2.0, size=n)
     plant = Process([1.0], np.convolve([1.0, 1.0], [0.5, 1.0]), delay)

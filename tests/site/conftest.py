@@ -1,4 +1,4 @@
-"""Fixtures of the tests of the site: the built site, a browser, the table of contents."""
+"""Provide the built site, a browser and the table of contents."""
 
 import os
 import shutil
@@ -26,7 +26,7 @@ FORGET = (
 
 
 def toc_pages(toc: Path) -> list[str]:
-    """Every page that a table of contents names, in its order."""
+    """Return every page of a table of contents, in its order."""
 
     def walk(node):
         if isinstance(node, list):
@@ -83,7 +83,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def tab(browser):
-    """One tab for all tests of a file; opening a tab takes longer than loading a page."""
+    """Return one tab for all tests of a file: opening a tab takes longer than loading a page."""
     context = browser.new_context()
     yield context.new_page()
     context.close()
@@ -91,9 +91,9 @@ def tab(browser):
 
 @pytest.fixture
 def visit(browser, tab):
-    """Open a page; returns it with the list, which still grows, of what goes wrong on it.
+    """Return a function that opens a page, and returns it with the growing list of what goes wrong on it.
 
-    Pages know nothing of those before. A test that opens a second one still has the first.
+    Storage is cleared before. A second page opens in a new tab, so that the first stays open.
     """
     opened, heard = [], []
 
@@ -134,7 +134,7 @@ def visit(browser, tab):
 
 @pytest.fixture
 def lab(site, visit):
-    """Open the lab, with what an address may hold; nothing may go wrong on the page."""
+    """Return a function that opens the lab at an address. Nothing may go wrong on the page."""
     opened = []
 
     def open_lab(address=None, **how):

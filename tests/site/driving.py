@@ -1,4 +1,4 @@
-"""What a reader does in the lab, and what the lab shows then."""
+"""Use the lab as a reader does, and read what it shows."""
 
 COLUMNS = (
     "() => [...document.querySelectorAll('.lab-table tbody tr:has(th)')]"

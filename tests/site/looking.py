@@ -1,4 +1,4 @@
-"""Find what is wrong with an open page, on wide and narrow screens."""
+"""Find problems of an open page, on wide and narrow screens."""
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
@@ -7,7 +7,7 @@ WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 TYPESET = "() => !document.querySelector('script[src*=mathjax]') || window.MathJax?.startup?.promise?.then(() => true)"
 
-# Findings of axe-core that come from tools the book stands on: the rule, and what marks the element.
+# Findings of axe-core in the markup of other tools: the rule, and a mark of the element.
 ACCEPTED = [
     ("empty-table-header", "data-maths"),  # a formula, see below
     ("aria-allowed-role", "doc-biblioentry"),  # docutils' markup of a bibliography entry
@@ -16,7 +16,7 @@ ACCEPTED = [
     ("region", "logo__title"),  # the theme's book name stands outside its landmarks
 ]
 
-# Formulas that were left as source: delimiters or environments in the text that a reader sees, code aside.
+# Formulas that were not typeset: delimiters or environments in visible text, except code.
 RAW_MATHS = r"""() => {
   const inCode = "pre, code, script, style, mjx-container";
   const walker = document.createTreeWalker(document.querySelector("main"), NodeFilter.SHOW_TEXT);
@@ -34,7 +34,7 @@ RAW_MATHS = r"""() => {
 
 OVERFLOW = "() => document.scrollingElement.scrollWidth - document.scrollingElement.clientWidth"
 
-# Formulas are read, not operated, and a fold's button says what it unfolds.
+# Formulas need no labels, and the button of a fold names its content.
 HINDRANCES = """() => {
   const all = (selector) => [...document.querySelectorAll(selector)], found = [];
   if (all("mjx-container[tabindex]").length) found.push("formulas are stops of the Tab key");
@@ -99,9 +99,9 @@ WIDE_TABLES = """() => {
 
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
-# Halfway between themes a colour is none, nor is a width between two screens.
+# Colours and widths are not defined during a transition.
 STILL = "* { transition: none !important }"
-# axe-core judges no text on a gradient: that of what scrolls lies on the colour of its ground.
+# axe-core does not judge text on a gradient, so the gradient of scrolling elements is removed.
 PLAIN = "* { background-image: none !important }"
 COLOURS = ["color-contrast", "link-in-text-block"]
 AXE = "async ([where, options]) => (await axe.run(where, options)).violations"
@@ -119,14 +119,14 @@ def problems(page: Page) -> list[str]:
 
 
 def barriers(page: Page, **options) -> list[str]:
-    """List the findings of axe-core outside formulas and code, less the accepted ones."""
+    """List the findings of axe-core outside formulas and code, except the accepted ones."""
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
-    # axe does not look into formulas, so a head of a table that is one seems empty to it.
+    # axe does not read formulas, so a table head that is a formula seems empty.
     page.evaluate(
         "() => document.querySelectorAll('th:has(mjx-container)').forEach((x) => { x.dataset.maths = 1; })"
     )
-    # Without preload: axe would ask for stylesheets itself, and look for some in the wrong place.
+    # Without preload, since axe would request stylesheets itself, some at a wrong address.
     options = {"resultTypes": ["violations"], "preload": False, **options}
     return [
         f"axe {finding['id']}: {node['html']}"
@@ -137,7 +137,7 @@ def barriers(page: Page, **options) -> list[str]:
 
 
 def looked_over(page: Page) -> list[str]:
-    """List what is wrong with a page, narrow and wide, apart from its colours."""
+    """List problems of a page, narrow and wide, except its colours."""
     page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
     wrong = [f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES)]
@@ -148,7 +148,7 @@ def looked_over(page: Page) -> list[str]:
 
 
 def contrasts(page: Page) -> list[str]:
-    """List texts too pale, and links too like the text around them, in light and in the dark."""
+    """List texts with little contrast, and links too similar to the text around them, in light and dark mode."""
     page.add_style_tag(content=STILL + PLAIN)
     wrong = []
     for theme in ("light", "dark"):

@@ -1,4 +1,4 @@
-"""Read back what the lab and live figures show: the numbers and lines of a plot, and what each knob changes."""
+"""Read numbers and lines of the plots in the lab and live figures, and turn their knobs."""
 
 import json
 import re
@@ -21,13 +21,13 @@ PLOTS = r"""host => [...host.querySelectorAll(".lab-plots svg")].map(svg => ({
 
 @dataclass(frozen=True)
 class Axis:
-    """Where a value lies, in the units of the picture: from the words beside two lines of the grid."""
+    """The position of values in the units of the picture, from two labelled lines of the grid."""
 
     values: np.ndarray
     places: np.ndarray
 
     def log(self) -> bool:
-        """Whether it names powers of ten: neighbours in equal steps are never more than twice each other."""
+        """Return True if the axis is logarithmic. Neighbours on a linear axis differ by at most a factor of 2."""
         return bool(self.values[1] > 2 * self.values[0] > 0)
 
     def place(self, values) -> np.ndarray:
@@ -45,12 +45,12 @@ class Plot:
     lines: list[tuple[str, np.ndarray]]
 
     def line(self, kind: str) -> np.ndarray:
-        """Points of the line of one class, in the units of the picture."""
+        """Return the points of the line of one class, in the units of the picture."""
         (found,) = [points for name, points in self.lines if name == kind]
         return found
 
     def apart(self, kind: str, x, y) -> float:
-        """Largest distance between a line of the plot and a curve, either way, inside the frame."""
+        """Return the largest distance between a line of the plot and a curve, inside the frame."""
         curve, line = _thinned(np.column_stack([self.x.place(x), self.y.place(y)])), self.line(kind)
         return max(_farthest(self._seen(line), curve), _farthest(self._seen(curve), line))
 
@@ -60,14 +60,14 @@ class Plot:
 
 
 def _thinned(curve: np.ndarray) -> np.ndarray:
-    """Points of a curve, none nearer to the next than STEP along the curve."""
+    """Return points of a curve, at least STEP apart along it."""
     curve = curve[np.isfinite(curve).all(axis=1)]
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
     return curve[np.unique(way // STEP, return_index=True)[1]]
 
 
 def _farthest(points: np.ndarray, line: np.ndarray) -> float:
-    """Largest distance of points from a line through others."""
+    """Return the largest distance of points from a line."""
     start, step = line[:-1], np.diff(line, axis=0)
     length = np.maximum((step**2).sum(axis=1), 1e-12)
     worst = 0.0
@@ -91,7 +91,7 @@ def _points(path: str) -> np.ndarray:
 
 
 def plots(host) -> dict[str, Plot]:
-    """The plots of a figure by their titles."""
+    """Return the plots of a figure by their titles."""
     found = {}
     for svg in host.evaluate(PLOTS):
         assert svg["said"] == svg["title"]
@@ -157,8 +157,8 @@ EXPECTED = """([told, turned]) => {
 }"""
 
 
-def undrawn(page):
-    """Live figures of an open page without a plot, with a loop that could not be made, or without words for it."""
+def failed_figures(page):
+    """List live figures of an open page without a plot, a loop or a spoken description."""
     page.wait_for_function(HEARD, timeout=20_000)
     return page.evaluate(UNDRAWN)
 
@@ -174,12 +174,12 @@ def told(path):
 
 
 def rows(host):
-    """Cells of the table without its head, names aside."""
+    """Return the cells of the table without head and names."""
     return [row[1:] for row in host.evaluate(CELLS)[1:]]
 
 
 def as_shown(numbers):
-    """Numbers of a loop with three digits; what an unstable one lacks is one cell."""
+    """Return the numbers of a loop with three digits; an unstable loop has one cell in place of missing ones."""
     known = [f"{float(text):.3g}" for text in numbers if text is not None]
     return [*(["unstable"] if len(known) < len(numbers) else []), *known]
 
@@ -192,7 +192,7 @@ def as_read(row):
 
 
 def idle_ends(page, host, knob):
-    """Ends of a knob's range where nothing moves; the knob is left as it was."""
+    """List the ends of a knob's range where nothing moves. Restore the knob."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
     box = row.locator("input[type=text]")
     before = box.input_value()
@@ -203,7 +203,7 @@ def idle_ends(page, host, knob):
 
 
 def turn(page, host, knob):
-    """Move a knob by a tenth of its range; returns its new value once the figure has followed."""
+    """Move a knob by a tenth of its range; return its new value after the figure has followed."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
     bar = row.locator("input[type=range]")
     before = [bar.element_handle(), bar.get_attribute("aria-valuetext")]
@@ -215,9 +215,9 @@ def turn(page, host, knob):
     return float(value)
 
 
-def astray(page, path):
+def knob_problems(page, path):
     """Turn each knob of each live figure of an open page, and list what goes wrong."""
-    figures, wrong = told(path), undrawn(page)
+    figures, wrong = told(path), failed_figures(page)
     if page.locator(".pidalab-live").count() != len(figures):
         wrong.append(f"{len(figures)} live figures in the source, not so many on the page")
     for k, figure in enumerate(figures):

@@ -1,4 +1,4 @@
-"""The pages across the papers: what they say follows from the tables, and a table that drifts is noticed."""
+"""Check the pages across the papers: their tables match the library, and their sentences match the tables."""
 
 import importlib
 import re
@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def pages():
-    """The modules beside the pages."""
+    """Return the modules beside the pages."""
     return {
         name: importlib.import_module(name)
         for name in ("tables", "words", "recompute", "frontier_words", "plant_map")
@@ -16,7 +16,7 @@ def pages():
 
 
 def test_tables_are_what_the_library_computes(pages):
-    """A random hundredth of them; a failure names its seed."""
+    """Recompute a random hundredth of the rows. A failure names its seed."""
     assert "agree" in pages["recompute"].drift(share=1e-2, searched=1)
 
 
@@ -27,8 +27,8 @@ def test_every_plant_of_the_batch_has_a_class(pages):
     assert (table[table["family"] == "P6"]["class"] == "integrating").all()
 
 
-def test_nothing_is_left_out_in_silence(pages):
-    """Every rule on every plant is a row: judged, unstable or refused with a reason."""
+def test_every_rule_has_a_row_for_every_plant(pages):
+    """A row has measures, an unstable loop, or a reason."""
     tables = pages["tables"]
     counts = tables.served()[["refused", "stable", "unstable loop"]].sum(axis=1)
     assert set(counts) == {tables.read("comparison")["plant"].nunique()}
@@ -36,13 +36,13 @@ def test_nothing_is_left_out_in_silence(pages):
     assert rows[rows["iae_load"].isna()]["reason"].notna().all()
 
 
-def test_at_equal_terms_nothing_is_better_than_the_optimum_of_its_kind(pages):
+def test_no_rule_beats_the_optimum_at_equal_terms(pages):
     for terms in ("quiet", "loud"):
         assert pages["tables"].compared(terms)["of_kind"].min() > 0.995
 
 
 def test_conclusions_follow_from_the_numbers(pages, monkeypatch):
-    """With optima whose acceleration saves nothing the page says so."""
+    """If acceleration saved nothing, the page would say so."""
     tables, words = pages["tables"], pages["words"]
     assert list(words.acceleration()["acceleration"]) == ["pays on some", "pays", "pays"]
     honest = tables.frontier()
@@ -52,8 +52,8 @@ def test_conclusions_follow_from_the_numbers(pages, monkeypatch):
     assert set(found["saves, noise loud"]) == {"0%"}
 
 
-def test_map_and_table_answer_alike(pages):
-    """Where the table says that acceleration pays, so does every field of the map; one without a tenth does not."""
+def test_map_and_table_agree(pages):
+    """A field of the map recommends PIDA if it saves at least a tenth, and if the table says that acceleration pays."""
     tables, words, plant_map = pages["tables"], pages["words"], pages["plant_map"]
     table, study = plant_map.fields(), (tables.pays(), tables.compared("loud").dropna(subset=["of_best"]))
     verdicts = words.acceleration()["acceleration"]
@@ -68,8 +68,8 @@ def test_map_and_table_answer_alike(pages):
 
 
 @pytest.mark.parametrize("ms", [1.4, 2.0])
-def test_the_best_orders_never_lose(pages, ms):
-    """On the frontier a higher order is never worse, and more noise never hurts, but for the search's last digits."""
+def test_the_frontier_is_monotonic(pages, ms):
+    """A higher order is never worse, and more noise never raises the IAE, within 1 %."""
     table = pages["frontier_words"].curves(ms)
     assert len(table) == 13 * 4 * 7
     wide = table.pivot_table(index=["plant", "noise_limit"], columns="order", values="iae").dropna()
@@ -90,8 +90,8 @@ def test_a_field_of_the_map_opens_the_lab_with_its_plant(site, lab):
     assert page.get_by_label("plant", exact=True).input_value() == "given"
 
 
-def test_answers_are_seen_on_a_phone(site, visit):
-    """The whole first table of the page on all plants."""
+def test_the_answer_table_fits_a_phone(site, visit):
+    """It is the first table of the page on all plants."""
     page, _ = visit(
         (site / "book" / "across" / "which-controller.html").as_uri(), viewport={"width": 390, "height": 844}
     )
@@ -100,7 +100,7 @@ def test_answers_are_seen_on_a_phone(site, visit):
     assert max(box["x"] + box["width"] for box in (cell.bounding_box() for cell in cells)) <= 390
 
 
-def test_the_first_page_follows_the_noise_that_is_allowed(site, visit):
+def test_the_landing_page_follows_the_noise_slider(site, visit):
     page, wrong = visit((site / "book" / "intro.html").as_uri())
     bar, words = page.get_by_label("Noise allowed"), page.locator(".landing-side .lab-live")
     saved = []
@@ -121,7 +121,7 @@ def test_the_first_page_follows_the_noise_that_is_allowed(site, visit):
     assert wrong == []
 
 
-def test_numbers_in_coloured_cells_can_be_read_in_the_dark(site, visit):
+def test_numbers_in_coloured_cells_are_legible_in_dark_mode(site, visit):
     drawn = [p for p in (site / "_images").glob("*-dark.svg") if 'id="as-drawn"' in p.read_text("utf-8")]
     assert drawn
     for path in drawn:

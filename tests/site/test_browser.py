@@ -1,4 +1,4 @@
-"""The built book as a reader meets it: in a browser, in light and dark, on a wide and on a narrow screen."""
+"""Check the built book in a browser: light and dark, wide and narrow, search, print and slides."""
 
 import re
 import threading
@@ -8,7 +8,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from looking import NARROW, OVERFLOW, barriers, contrasts, looked_over
-from pictured import astray
+from pictured import knob_problems
 
 
 class QuietHandler(SimpleHTTPRequestHandler):
@@ -32,10 +32,10 @@ def home(site):
 
 
 def test_page(page_name, home, site, visit):
-    """A page is loaded once for all that is looked at, since that takes longest."""
+    """Each page is loaded once for all checks, since loading takes longest."""
     page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
-    assert astray(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
+    assert knob_problems(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
 
 
 # pages with every kind of text, table, figure and control that the book has
@@ -52,7 +52,7 @@ COLOURED = [
 
 
 @pytest.mark.parametrize("name", COLOURED)
-def test_texts_and_links_stand_out(name, home, visit):
+def test_texts_and_links_have_enough_contrast(name, home, visit):
     page, _ = visit(f"{home}/book/{name}.html")
     assert contrasts(page) == []
 
@@ -72,12 +72,12 @@ def test_a_page_cannot_ask_another_host(home, visit):
 
 
 @pytest.mark.parametrize("place", ["lab.html#%", "scoreboard.html#%E0%A4%A"])
-def test_an_address_that_encodes_nothing(place, home, visit):
+def test_a_malformed_address_causes_no_error(place, home, visit):
     _, wrong = visit(f"{home}/book/{place}")
     assert wrong == []
 
 
-def test_the_theme_is_that_of_the_readers_system(home, visit):
+def test_the_theme_follows_the_system(home, visit):
     page, wrong = visit(f"{home}/book/intro.html", "dark")
     assert page.locator("html").get_attribute("data-theme") == "dark"
     assert wrong == []
@@ -131,7 +131,7 @@ def test_search_finds_sections_that_answer(home, visit):
     assert [address for address in first if "#" not in address or NOT_FIRST.search(address)] == []
 
 
-def test_focus_is_seen(home, visit):
+def test_focus_is_visible(home, visit):
     page, _ = visit(f"{home}/book/intro.html")
     outlines = set()
     for _ in range(12):
@@ -169,7 +169,7 @@ COUNTS = """() => [...document.querySelectorAll(".pidalab-live")].map((figure) =
 
 
 def test_pages_without_javascript_show_pictures(browser, site):
-    """One for each live figure in each theme; the lab says what it needs."""
+    """Each live figure has one in each theme. The lab says that it needs JavaScript."""
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
     paths = [
@@ -232,7 +232,7 @@ def test_slides_in_the_dark_on_a_phone(lectures, visit):
     assert wrong + barriers(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
 
 
-def test_a_slider_keeps_its_keys(lectures, visit):
+def test_arrow_keys_move_a_slider_and_not_the_slides(lectures, visit):
     page, _ = visit(f"{lectures['what-acceleration-does']}#slides")
     while not page.locator(".now .pidalab-live").count():
         page.keyboard.press("ArrowRight")

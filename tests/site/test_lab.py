@@ -1,4 +1,4 @@
-"""The lab and the live figures as a reader uses them: opened from a folder, without server or network."""
+"""Use the lab as a reader does: opened from a folder, without server or network."""
 
 import json
 import re
@@ -36,13 +36,13 @@ MS = ".map(row => row[3]).join()"
 
 
 def announced(page, words=f"IAE {NUMBER}"):
-    """What the lab says, once it has said these words."""
+    """Return what the lab announces, after it has announced these words."""
     page.wait_for_function(f"() => /{words}/.test(document.querySelector('.lab-live').textContent)")
     return page.locator(".lab-live").text_content()
 
 
 def read(page, words):
-    """What the lab says of a record, once it has said these words."""
+    """Return what the lab says about a record, after it has said these words."""
     page.wait_for_function(f"() => /{words}/.test(document.querySelector('.lab-about').textContent)")
     return page.locator(".lab-about").text_content()
 
@@ -64,7 +64,7 @@ def test_a_slider_by_keyboard_is_announced(lab):
     assert order.get_attribute("aria-valuetext") == "filter order 4"
 
 
-def test_a_link_brings_the_same_loop(lab):
+def test_a_link_restores_the_loop(lab):
     page = lab()
     choose(page, "plant", "haalman-2")
     choose(page, "controller", "PID")
@@ -128,7 +128,7 @@ AT_ONCE = """const { lab } = document.querySelector(".pidalab-lab");
   lab.change({}); location.hash = "%s"; lab.save()"""
 
 
-def test_an_address_that_is_given_is_not_written_over(lab):
+def test_a_given_address_is_not_overwritten(lab):
     page = lab()
     given = page.evaluate("() => pidalabModel.write({ designs: [{ kind: 'PID', kp: 0.5 }] })")
     page.evaluate(FOLLOW % (AT_ONCE % given))
@@ -142,8 +142,8 @@ SAMPLES = """() => {
 }"""
 
 
-def test_what_is_drawn_of_many_samples_is_what_shows(lab):
-    """8001 samples of a digital controller under noise: a few points for each unit of width, and all extremes."""
+def test_many_samples_are_thinned_without_losing_extremes(lab):
+    """Of 8001 samples under noise a few points for each unit of width are drawn, with all extremes."""
     page = lab()
     for label in ("digital controller", "measurement noise"):
         page.get_by_label(label, exact=True).check()
@@ -169,7 +169,7 @@ def test_what_is_drawn_of_many_samples_is_what_shows(lab):
 
 
 def test_three_kinds_by_a_rule(lab):
-    """The noise of one does not depend on its company."""
+    """The noise gain of one design does not depend on the others."""
     page = lab()
     alone = page.evaluate(COLUMNS)[0][4]
     rows = three_kinds(page)
@@ -191,7 +191,7 @@ def test_three_kinds_by_a_rule(lab):
     assert [row[3] for row in page.evaluate(COLUMNS)] == ["1.4"] * 3
 
 
-def test_designs_by_hand_are_told_from_those_on_fair_terms(lab):
+def test_a_design_by_hand_has_a_note(lab):
     page = lab()
     press(page, "Add a copy")
     enter(page, "kp", "1.5")
@@ -206,7 +206,7 @@ def test_designs_by_hand_are_told_from_those_on_fair_terms(lab):
     assert page.get_by_label("rule", exact=True).input_value() == "gain"
 
 
-def test_a_filter_of_ones_own_is_not_fair_and_old_links_keep_theirs(lab):
+def test_a_given_filter_ends_fair_terms_and_links_keep_it(lab):
     page = lab()
     enter(page, "filter time", "0.1")
     announced(page, "no longer fair")
@@ -219,7 +219,7 @@ def test_a_filter_of_ones_own_is_not_fair_and_old_links_keep_theirs(lab):
     assert not old.get_by_label(FAIR).is_checked()
 
 
-def test_limits_that_cannot_bear_the_load_are_named(lab):
+def test_limits_too_narrow_for_the_load_are_named(lab):
     page = lab()
     follow(page, LIMITED % "clamping")
     announced(page, "IAE ∞ for load")
@@ -242,8 +242,8 @@ HIDDEN = """() => {
 }"""
 
 
-def test_all_numbers_of_three_designs_are_in_view(lab):
-    """On a screen of 1280 pixels; on a phone they scroll, and the name of the design stays."""
+def test_all_numbers_of_three_designs_fit_the_screen(lab):
+    """On a phone they scroll, and the name of the design stays."""
     page = lab()
     three_kinds(page)
     assert page.evaluate(HIDDEN) == 0
@@ -260,7 +260,7 @@ LIMITED = """{plant: "huba-ipdt", designs: [{rule: "hand", limited: true, low: -
 
 
 def test_designs_saved_as_files(lab, tmp_path):
-    """As Python it runs and says what the lab says; as JSON it comes back."""
+    """The Python file runs and prints the lab's numbers. The JSON file can be opened again."""
     page = lab()
     before = three_kinds(page)
     for button, name in (("As a library call", "pida_designs.py"), ("As JSON", "pida_designs.json")):
@@ -322,7 +322,7 @@ def plant_shown(page):
 
 
 def test_a_dropped_record_becomes_a_plant_and_a_design(lab):
-    """Of time and output, with decimal commas or a clock; what is no record is said."""
+    """The record has time and output, decimal commas or a clock. Other files are refused with a reason."""
     page = lab()
     t = np.arange(0, 20, 0.1)
     late = np.maximum(t - 1.0, 0.0)
@@ -352,7 +352,7 @@ def test_a_dropped_record_becomes_a_plant_and_a_design(lab):
 
 
 @pytest.mark.parametrize(("name", "gain", "times"), [("step_record", 1.8, 37.0), ("plant_record", 2.3, 35.1)])
-def test_the_records_of_the_book_give_a_design_one_would_simulate_next(lab, root, name, gain, times):
+def test_records_of_the_book_give_a_plant_and_a_design(lab, root, name, gain, times):
     """A step, and a doublet with blanks, double times and decimal commas, chosen as files."""
     page = lab()
     page.locator("input[type=file]").set_input_files(root / "book" / "data" / f"{name}.csv")
@@ -374,7 +374,7 @@ def test_the_records_of_the_book_give_a_design_one_would_simulate_next(lab, root
     assert np.abs(np.interp(line[:, 0], dots[:, 0], dots[:, 1]) - line[:, 1]).mean() < 2
 
 
-def test_the_least_iae_is_found_in_the_page(lab):
+def test_the_page_finds_the_least_iae(lab):
     page = lab()
     choose(page, "rule", "optimum")
     press = page.get_by_role("button", name="PI, PID and PIDA by this rule").click
@@ -386,7 +386,7 @@ def test_the_least_iae_is_found_in_the_page(lab):
     assert all(float(row[3]) <= 1.4 and float(row[4]) <= 1.5 for row in rows)
 
 
-def test_one_ms_is_that_of_all_designs_of_a_fair_comparison(lab):
+def test_ms_changes_all_designs_of_a_fair_comparison(lab):
     page = lab()
     press(page, "PI, PID and PIDA by this rule")
     enter(page, "Ms", "1.8")
@@ -400,7 +400,7 @@ def test_one_ms_is_that_of_all_designs_of_a_fair_comparison(lab):
     wait_for_columns(page, "'1.8,1.8,1.8'", MS)
 
 
-def test_what_a_search_finds_is_no_step_of_its_own_to_undo(lab):
+def test_undo_skips_the_result_of_a_search(lab):
     page = lab()
     choose(page, "rule", "optimum")
     page.wait_for_function(FOUND)
@@ -414,7 +414,7 @@ def test_what_a_search_finds_is_no_step_of_its_own_to_undo(lab):
     page.wait_for_function("() => document.querySelector('.lab-choice select').value === 'lags3'")
 
 
-def test_a_change_of_plant_retunes_or_says_why_not(lab):
+def test_a_change_of_plant_retunes_or_explains_why_not(lab):
     page = lab()
     choose(page, "plant", "huba-ipdt")
     # a rule that does not serve gives way, and nothing is shown until there is a design
@@ -485,7 +485,7 @@ def test_a_pointer_reads_the_values_in_all_plots_and_a_box_zooms(lab):
 
 
 def test_a_digital_loop_is_drawn_between_its_samples_and_from_sample_to_sample(lab):
-    """It may be slower than its filter, and loses robustness by it."""
+    """Ms rises with the sample time."""
     page, ms = lab(), []
     page.get_by_label("digital controller").check()
     for h in ("0.05", "0.5", "1"):
@@ -526,7 +526,7 @@ def test_on_a_phone_the_plot_comes_before_the_knobs(lab):
         assert box["y"] + box["height"] <= other["y"]
 
 
-def test_a_link_that_is_followed_in_the_lab_brings_no_more_than_in_a_fresh_page(lab):
+def test_a_link_replaces_the_whole_state(lab):
     page = lab()
     page.get_by_label("limits of the actuator").check()
     page.get_by_label("measurement noise", exact=True).check()
@@ -589,7 +589,7 @@ DAMAGED = [
 
 
 def test_a_hostile_link_is_refused_field_by_field(lab):
-    """Each says what is wrong and leaves a lab that works, with no script and no command of it."""
+    """The lab says what is wrong and still works. Nothing of the link gets into the script."""
     page = lab()
     for state in DAMAGED:
         follow(page, state)
@@ -603,7 +603,7 @@ def test_a_hostile_link_is_refused_field_by_field(lab):
 
 
 def test_there_is_no_script_while_a_design_is_refused(lab):
-    """Nor an IAE of a time axis on which the loop cannot be seen."""
+    """The design is refused because its response cannot be seen on the time axis."""
     page = lab()
     plant = "plant: 'given', given: { num: [1], den: [1, 1], delay: 0, end: %s }"
     designs = "designs: [{ rule: 'hand', kind: 'PID', kp: 1.2, ti: 2.5, td: 0.1, filterTime: 0.01, filterOrder: 2 }]"
@@ -623,7 +623,7 @@ NAMED_DROP = """([text, name]) => {
 
 
 @pytest.mark.parametrize("name", ["$(touch PWNED)`id`.csv", "--out=x.csv", "a'b; c.csv", "-x.csv"])
-def test_the_command_holds_a_file_name_as_one_word(lab, name):
+def test_the_command_quotes_the_file_name(lab, name):
     page, t = lab(), np.arange(0, 20, 0.2)
     text = "\n".join(f"{a:.2f},{float(a > 1)},{1 - np.exp(-max(a - 2, 0)):.6f}" for a in t)
     page.dispatch_event(".lab-drop", "drop", {"dataTransfer": page.evaluate_handle(NAMED_DROP, [text, name])})
@@ -632,7 +632,7 @@ def test_the_command_holds_a_file_name_as_one_word(lab, name):
     assert words[:3] == ["pidalab", "tune", f"./{name}" if name.startswith("-") else name]
 
 
-def test_a_line_without_end_is_refused_at_once(lab):
+def test_a_very_long_line_is_refused_quickly(lab):
     took, said = lab().evaluate("""() => {
       const { lab } = document.querySelector(".pidalab-lab"), text = "1,".repeat(5e6), start = performance.now();
       try { lab.takeRecord(text, "long.csv"); } catch (error) { return [performance.now() - start, error.message]; }
@@ -641,7 +641,7 @@ def test_a_line_without_end_is_refused_at_once(lab):
     assert took < 2000
 
 
-def test_what_is_entered_is_read_as_in_the_tasks_or_refused(lab):
+def test_entered_numbers_are_read_or_refused(lab):
     page = lab()
     box = page.get_by_label("noise limit, number", exact=True)
     for entered, value in (("2,5", "2.5"), ("5/2", "2.5"), ("2^-1", "0.5")):
@@ -655,7 +655,7 @@ def test_what_is_entered_is_read_as_in_the_tasks_or_refused(lab):
     assert box.input_value() == "0.5"
 
 
-def test_a_link_cut_short_says_so_and_the_name_of_a_heading_is_none(lab):
+def test_a_truncated_link_is_reported_and_an_anchor_is_ignored(lab):
     page = lab()
     page.evaluate("() => { document.querySelector('.pidalab-lab').lab.change({}); }")
     page.wait_for_function(SAVED)
@@ -668,7 +668,7 @@ def test_a_link_cut_short_says_so_and_the_name_of_a_heading_is_none(lab):
     assert "damaged" not in page.locator(".lab-live").text_content()
 
 
-def test_an_unstable_loop_beyond_all_numbers_has_axes(lab):
+def test_an_unstable_loop_has_axes(lab):
     page = lab()
     choose(page, "plant", "haalman-1")
     enter(page, "kp", "1e7")

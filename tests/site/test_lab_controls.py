@@ -1,4 +1,4 @@
-"""Each switch and button of the lab does what it says, and what it cannot do is said."""
+"""Check the switches and buttons of the lab."""
 
 import re
 
@@ -20,7 +20,7 @@ def says(page, words):
     )
 
 
-def test_copy_take_away_and_start_anew(lab):
+def test_copy_remove_and_restart(lab):
     page = lab()
     press(page, "Add a copy")
     page.wait_for_function(f"() => ({ROWS})() === 2")
@@ -51,7 +51,7 @@ def test_a_link_is_copied(lab):
 
 
 @pytest.mark.parametrize("damping", [0.4, 1.0])
-def test_a_plant_of_ones_own_and_a_rule_without_ground(lab, damping):
+def test_an_own_plant_may_have_no_rule(lab, damping):
     page = lab()
     choose(page, "plant", "own")
     values = {
@@ -75,7 +75,7 @@ def test_a_plant_of_ones_own_and_a_rule_without_ground(lab, damping):
     assert np.allclose(eval(call, {"pidalab": pidalab})(s), expected, rtol=1e-6)
 
 
-def test_a_slider_reaches_what_was_entered_and_keeps_its_sign(lab):
+def test_a_slider_extends_to_the_entered_value(lab):
     page = lab()
     choose(page, "plant", "own")
     for label, value, key, low, high in (
@@ -123,7 +123,7 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
     assert noisy[1] > 5 * calm[1]  # the kick meets the upper limit once, the noise again and again
 
 
-def test_each_anti_windup_by_its_switch(lab):
+def test_each_anti_windup_option(lab):
     page, iae = lab(), []
     follow(
         page,

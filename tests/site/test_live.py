@@ -1,4 +1,4 @@
-"""Live figures: what they show held against the library."""
+"""Compare what live figures show with the library."""
 
 import json
 import re
@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from pictured import CELLS, plots, rows, undrawn
+from pictured import CELLS, failed_figures, plots, rows
 
 import pidalab
 from pidalab.digital import DigitalController
@@ -27,7 +27,7 @@ CAPTIONED = """<!doctype html><html lang="en" data-content_root="./"><meta chars
 
 @pytest.fixture
 def open_figure(root, tmp_path, visit):
-    """Open a page of one live figure, of the scripts as they are in the book."""
+    """Return a function that opens a page with one live figure and the book's scripts."""
 
     def open_figure(html):
         shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")
@@ -65,7 +65,7 @@ OF_RESPONSES = ["iae", "iaeSetpoint", "peak", "overshoot"]
 
 
 def responses(loop, **how):
-    """Numbers and curves of the steps of set point and load."""
+    """Return numbers and curves of the steps of set point and load."""
     own = loop.controller if isinstance(loop.controller, DigitalController) else None
     t = np.arange(0.0, END + 1e-9, own.sample_time if own else 0.01)
     simulate = pidalab.simulate_sampled if own or how else pidalab.simulate
@@ -86,7 +86,7 @@ def responses(loop, **how):
 
 
 def frequencies(loop):
-    """Numbers and curves of a loop's frequency responses."""
+    """Return numbers and curves of a loop's frequency responses."""
     w = np.geomspace(0.8 / END, 16_000 / END, 20_001)
     open_loop, found = loop.L(1j * w), pidalab.margins(loop)
     size, control = np.abs(open_loop), open_loop / loop.process(1j * w)
@@ -112,17 +112,17 @@ def frequencies(loop):
 
 
 def stairs(curve):
-    """A curve that holds each value until the next."""
+    """Return a curve that holds each value until the next."""
     t, y = curve
     return np.repeat(t, 2)[1:], np.repeat(y, 2)[:-1]
 
 
 def shown(open_figure, **more):
-    """Numbers and plots of a live figure of the three loops."""
+    """Return numbers and plots of a live figure of the three loops."""
     page, wrong = open_figure(
         CAPTIONED % (json.dumps(pidalab.plots.live(PROCESS, CONTROLLERS, **more).state), SCRIPTS)
     )
-    assert undrawn(page) + wrong == []
+    assert failed_figures(page) + wrong == []
     host = page.locator(".pidalab-live")
     head, *rows = host.evaluate(CELLS)
     assert [row[0] for row in rows] == list(CONTROLLERS)
@@ -164,15 +164,15 @@ def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
             assert drawn[title].apart(f"lab-{LOOKS[k]}", *expected) < 1.0, (title, k)
 
 
-def test_a_live_figure_takes_the_place_of_a_picture_and_keeps_its_caption(open_figure):
+def test_a_live_figure_replaces_its_picture_and_keeps_the_caption(open_figure):
     page, wrong = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
-    assert undrawn(page) + wrong == []
+    assert failed_figures(page) + wrong == []
     assert page.locator("#fig img").count() == 0
     assert page.locator("#fig figcaption").inner_text() == "Words. Open in the lab."
     assert page.locator("#fig svg").count() == 1
 
 
-def test_what_stands_for_an_unstable_loop(open_figure):
+def test_an_unstable_loop_has_a_row(open_figure):
     page, _ = open_figure(CAPTIONED % (LIVE_STATE.replace('"kp": 1', '"kp": 9'), SCRIPTS))
     ((verdict, first, hump),) = rows(page.locator(".pidalab-live"))
     assert verdict == "unstable"
@@ -180,7 +180,7 @@ def test_what_stands_for_an_unstable_loop(open_figure):
     assert re.fullmatch(r"[\d.]+", hump)
 
 
-def test_the_link_of_a_live_figure_brings_its_loops_to_the_lab(lab, open_figure):
+def test_the_link_of_a_live_figure_opens_its_loops_in_the_lab(lab, open_figure):
     page, _ = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
     link = page.get_by_role("link", name="Open in the lab.")
     state = "() => pidalabModel.read(new URL(document.querySelector('a').href).hash)"

@@ -1,4 +1,4 @@
-"""The book's files and its built pages, read without a browser: each check lists what it finds wrong."""
+"""Check the book's notebooks and built pages without a browser."""
 
 import importlib
 import re
@@ -31,7 +31,7 @@ def shows(output) -> bool:
 
 
 def notebook_problems(path: Path) -> list[str]:
-    """Outputs that are missing, failed, out of order or without words, and folds with nothing to see in them."""
+    """List outputs that are missing, failed, out of order or without words, and folds with nothing in them."""
     cells = [
         cell
         for cell in nbformat.read(path, as_version=4).cells
@@ -68,7 +68,7 @@ LOADS = "stylesheet icon preload prefetch modulepreload preconnect dns-prefetch 
 
 
 class Page(HTMLParser):
-    """Anchors of a page, the links that it offers, the addresses that a browser loads for it, and its words."""
+    """Anchors, links, loaded addresses, heading and words of a page."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -150,7 +150,7 @@ def test_no_link_is_broken(site):
 
 
 def loose_marks(page: str) -> int:
-    """Formulas of a line whose comma a browser may put on the next one, or whose bracket it may leave behind."""
+    """Count formulas whose comma or bracket a browser may put on another line."""
     tied = '<span class="tied">'
     after = rf'(?<!{tied})(?<!{tied}\()<span class="math [^>]*>[^<]*</span>[,.;:!?)]'
     return len(re.findall(after, page)) + len(re.findall(rf'(?<!{tied})\(<span class="math ', page))

@@ -1,4 +1,4 @@
-"""Cells that run in the page: what comes out in a browser is what the page stores."""
+"""Cells that run in the page give the stored outputs."""
 
 import functools
 import http.server
@@ -21,7 +21,7 @@ NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.IGNORECASE)
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
-    """A web server that says nothing."""
+    """A web server without log output."""
 
     def log_message(self, *_):
         pass
@@ -29,7 +29,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def served(site):
-    """Serve the site, if it was built with the engine; a worker starts from no file."""
+    """Serve the site, if it was built with the engine, since a worker cannot start from a file."""
     if not (site / "live" / "engine.json").is_file():
         pytest.skip("the site was built without the engine: `make live`, then `make book LIVE=1`")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=site))
@@ -55,7 +55,7 @@ def started(served, visit):
 
 
 def run_all(page):
-    """Run every cell; for each that shows its code return its text, tables included, and its count of figures."""
+    """Run every cell. Return text with tables and the number of figures of each cell that shows its code."""
     page.get_by_role("button", name="Run all").click()
     status = page.locator(".pidalab-run-bar .pidalab-run-status")
     expect(status).to_have_text(re.compile("^(Done|Cell|The interpreter)"), timeout=600_000)
@@ -88,7 +88,7 @@ def numbers(text):
 
 
 @pytest.mark.parametrize("name", [*LECTURES, "haalman2024"])
-def test_cells_give_in_the_page_what_is_stored(name, root, started):
+def test_cells_match_stored_outputs(name, root, started):
     page, wrong = started(name)
     fresh, kept = run_all(page), stored(root, name)
     # a live figure takes the place of a stored one and of its code
@@ -100,7 +100,7 @@ def test_cells_give_in_the_page_what_is_stored(name, root, started):
     assert wrong == []
 
 
-def test_a_changed_cell_shows_its_result_and_a_wrong_one_its_traceback(started):
+def test_changed_cell_shows_result_or_traceback(started):
     page, _ = started("learn/tuning")
     cell = page.locator(".pidalab-run:not(:has(details))").first
     code, run = cell.locator("pre").first, cell.get_by_role("button", name="Run")
@@ -115,7 +115,7 @@ def test_a_changed_cell_shows_its_result_and_a_wrong_one_its_traceback(started):
     assert "6 * 7" not in code.inner_text()
 
 
-def test_another_ms_in_the_first_cell_moves_what_follows(root, started):
+def test_changed_ms_changes_later_cells(root, started):
     page, _ = started("haalman2024")
     kept, cells = stored(root, "haalman2024"), page.locator(".pidalab-run")
     code = cells.first.locator("pre").first
@@ -130,7 +130,7 @@ def test_another_ms_in_the_first_cell_moves_what_follows(root, started):
     assert cells.nth(1).locator(".pidalab-run-output img.only-light").count() == 1
 
 
-def test_stop_ends_a_cell_that_never_ends(started):
+def test_stop_ends_an_endless_cell(started):
     page, _ = started("learn/tuning")
     cell = page.locator(".pidalab-run:not(:has(details))").first
     cell.locator("pre").first.fill("while True: pass")
@@ -140,7 +140,7 @@ def test_stop_ends_a_cell_that_never_ends(started):
     page.locator(".pidalab-run-status", has_text="Stopped.").wait_for()
 
 
-def test_a_failed_start_says_so_and_offers_another(served, visit):
+def test_failed_start_is_reported_and_can_be_repeated(served, visit):
     page, _ = visit(f"{served}learn/tuning.html")
     page.evaluate("caches.delete('pidalab-live')")
     page.route("**/packages.zip*", lambda route: route.abort())

@@ -1,10 +1,11 @@
-"""Tasks that the page judges, as a reader solves them: by keyboard, with memory or without, on a phone."""
+"""Solve tasks in the browser: by keyboard, with storage or without, on a phone."""
 
 import json
 
-import pytest
 from bs4 import BeautifulSoup
 from looking import NARROW, OVERFLOW, problems
+
+from paperledger import papers
 
 FOLDS = "(label) => ['hint', 'answer'].map((name) => document.querySelector(`#${label} .task-${name}`).open)"
 REFUSED = "Object.defineProperty(window, 'localStorage', { get() { throw new Error('refused'); } });"
@@ -15,12 +16,16 @@ def address(site, page):
     return (site / "book" / f"{page}.html").as_uri()
 
 
+def soup_of(site, page):
+    return BeautifulSoup((site / "book" / f"{page}.html").read_text(encoding="utf-8"), "html.parser")
+
+
 def verdict(page, label):
     return page.locator(f"#{label} .task-verdict")
 
 
 def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
-    """One load of a page for all that a reader does, and a second for what is left."""
+    """The page is reloaded at the end, and the task is still solved."""
     label, url = "task-1-1", address(site, "learn/what-acceleration-does")
     page, wrong = visit(url, viewport=NARROW)
     assert page.evaluate(OVERFLOW) <= 1
@@ -62,7 +67,7 @@ def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
     assert wrong == []
 
 
-def test_a_browser_that_keeps_nothing_still_judges(site, browser):
+def test_tasks_work_without_storage(site, browser):
     page = browser.new_page()
     page.add_init_script(REFUSED)
     page.goto(address(site, "learn/tuning"))
@@ -96,22 +101,11 @@ def test_the_questions_of_the_guided_lab_come_one_at_a_time(site, visit):
     assert wrong == []
 
 
-PAGES = (
-    "learn/when-it-pays",
-    "learn/filter-and-noise",
-    "learn/limits",
-    "learn/digital",
-    "huba2018",
-    "huba2024",
-    "vrancic2021",
-)
-
-
-@pytest.mark.parametrize("name", [*PAGES, "haalman2024", "heo2023", "learn/tuning"])
-def test_every_page_has_its_tasks_and_their_answers_without_scripts(site, name):
-    soup = BeautifulSoup((site / "book" / f"{name}.html").read_text(encoding="utf-8"), "html.parser")
-    tasks = soup.select(".pidalab-task")
-    assert len(tasks) == 2
+def test_lectures_and_chapters_have_two_tasks_with_answers_without_scripts(site, root):
+    lessons = [f"learn/{path.stem}" for path in root.glob("book/learn/*.ipynb")]
+    lessons += papers(root / "book" / "ledger")
+    tasks = [task for name in lessons for task in soup_of(site, name).select(".pidalab-task")]
+    assert len(tasks) == 2 * len(lessons) == 22
     for task in tasks:
         data = json.loads(task.script.string)
         assert data["label"] == task["id"]
@@ -121,9 +115,7 @@ def test_every_page_has_its_tasks_and_their_answers_without_scripts(site, name):
 
 
 def test_figures_and_exercises_are_numbered_by_lecture(site):
-    soup = BeautifulSoup(
-        (site / "book" / "learn" / "when-it-pays.html").read_text(encoding="utf-8"), "html.parser"
-    )
+    soup = soup_of(site, "learn/when-it-pays")
     exercises = [
         title.get_text(" ", strip=True).split(" (")[0] for title in soup.select(".exercise .admonition-title")
     ]

@@ -1,18 +1,18 @@
-/* The lab's engine: responses and margins of a PI, PID or PIDA loop with exact dead time, in the page.
+/* The lab's engine: responses and margins of a PI, PID or PIDA loop with exact dead time.
 
-   A classic script, so that it also runs in a page opened from disk. It sets globalThis.pidalabEngine to
+   It is a classic script, so that it also runs in a page opened from disk. It sets globalThis.pidalabEngine to
 
      simulate({process: {num, den, delay}, controller: {gains: [ki, kp, kd, ka], filterTime, filterOrder, limits},
                end, points, setpoint, load})  ->  {t, y, u, fine: {t, u}}
      margins({process, controller})           ->  {ms, mks, gm, pm, dm, stable}
 
-   The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control;
-   polynomials have descending powers of s. `fine` is u at those times and at others, close together where derivatives kick.
-   Nothing here is approximated by a rational function: see `march`. */
+   The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control.
+   Polynomials have descending powers of s. `fine` is u at those times and at others, close together where derivatives kick.
+   The dead time is not approximated (see `march`). */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
 
-  // --- what is asked ------------------------------------------------------------------------------------------------
+  // --- arguments ----------------------------------------------------------------------------------------------------
 
   const fail = (message) => { throw new RangeError(message); };
 
@@ -29,7 +29,7 @@
     return first < 0 ? [0] : values.slice(first);
   }
 
-  /* Check a loop and complete it: polynomials without leading zeros, gains without missing ones. */
+  /* Check and complete a loop: remove leading zeros of polynomials, add missing gains. */
   function readLoop({ process, controller }) {
     const num = polynomial("process.num", process.num), den = polynomial("process.den", process.den);
     if (den.length === 1 && den[0] === 0) fail("process.den must not be 0");
@@ -47,12 +47,12 @@
     return { num, den, delay, ki, kp, kd, ka, time, order, limits };
   }
 
-  /* Remember the last results of a function of values that JSON can hold. */
+  /* Cache the last results of a function of values that JSON can hold. */
   function remembering(size, make) {
     const kept = new Map();
     return (...values) => {
       const key = JSON.stringify(values), found = kept.get(key) ?? make(...values);
-      kept.delete(key); // what is used stays, what was not for the longest time goes
+      kept.delete(key); // the result that was not used for the longest time is removed first
       kept.set(key, found);
       if (kept.size > size) kept.delete(kept.keys().next().value);
       return found;
@@ -70,7 +70,7 @@
   const angle = (a) => Math.atan2(a[1], a[0]);
   const wrapped = (turn) => turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
 
-  /* Horner's scheme in plain numbers: this runs millions of times. */
+  /* Evaluate a polynomial by Horner's scheme, with real numbers, since this runs millions of times. */
   function value(coefficients, s) {
     const x = s[0], y = s[1];
     let re = 0, im = 0;
@@ -82,7 +82,7 @@
     return [re, im];
   }
 
-  /* All roots of a polynomial, by Aberth's iteration in a scaled variable. */
+  /* Return all roots of a polynomial, by Aberth's iteration in a scaled variable. */
   const roots = remembering(40, (coefficients) => {
     let c = polynomial("polynomial", coefficients);
     const found = [];
@@ -100,7 +100,7 @@
       let change = 0;
       for (let k = 0; k < n; k++) {
         const at = value(p, z[k]);
-        if (modulus(at) <= 1e-16 * value(sizes, [modulus(z[k]), 0])[0]) continue; // rounding says no more of this root
+        if (modulus(at) <= 1e-16 * value(sizes, [modulus(z[k]), 0])[0]) continue; // the rest is rounding
         const newton = over(value(dp, z[k]), at);
         const repelled = z.reduce((sum, other, j) => {
           if (j === k) return sum;
@@ -121,7 +121,7 @@
 
   // --- the loop along the imaginary axis ----------------------------------------------------------------------------
 
-  /* Poles, zeros and numerator of the loop without its dead time. */
+  /* Return poles, zeros and numerator of the loop without its dead time. */
   function factors(loop) {
     const gains = loop.ki ? [loop.ka, loop.kd, loop.kp, loop.ki] : [loop.ka, loop.kd, loop.kp];
     const poles = roots(loop.den).concat(Array.from({ length: loop.order }, () => [-1 / loop.time, 0]));
@@ -136,7 +136,7 @@
     };
   }
 
-  /* What several functions need of the same loop, found when first asked for. */
+  /* Return values of a loop that several functions need, computed on first use. */
   const unlimited = remembering(12, (loop) => {
     const once = (make) => { let made; return () => (made ??= make()); };
     const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
@@ -155,7 +155,7 @@
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
   const TOO_MANY = "the dead time turns the phase too often to follow while |L| is large";
 
-  /* L and C at the frequency w, into `seen`: re L, im L, re C, im C. In plain numbers: this runs millions of times. */
+  /* Write L and C at the frequency w to `seen`: re L, im L, re C, im C. Uses real numbers, since this runs millions of times. */
   const seen = new Float64Array(4);
   function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {
     let a = 1, b = 0; // (1 + j time w)^order
@@ -178,7 +178,7 @@
     return [seen[0], seen[1]];
   }
 
-  /* L, |L|, |C| and the phase of C in degrees along the frequencies w. */
+  /* Return L, |L|, |C| and the phase of C in degrees at the frequencies w. */
   function along(loop, w) {
     const column = () => new Float64Array(w.length), re = column(), im = column(), size = column(), control = column(), lead = column();
     for (let k = 0; k < w.length; k++) {
@@ -192,7 +192,7 @@
     return { w, re, im, size, control, lead };
   }
 
-  /* Frequencies that follow the rational part of L everywhere; lightly damped roots get points of their own. */
+  /* Return frequencies that resolve the rational part of L, with additional points for lightly damped roots. */
   function baseGrid(loop, parts) {
     const all = parts.poles.concat(parts.zeros);
     const sizes = all.map(modulus).filter((size) => size > 0);
@@ -217,7 +217,7 @@
 
   const NOTHING = [];
 
-  /* Points inside an interval of a grid in which the dead time turns quickly; not too many in all. */
+  /* Return points inside a grid interval in which the dead time turns quickly, up to a total number. */
   function within(grid, delay) {
     let count = 0;
     return (i) => {
@@ -228,14 +228,14 @@
     };
   }
 
-  /* A grid with these points where `matters(i)` says so. */
+  /* Return a grid with these points in each interval for which `matters(i)` is true. */
   function divided(grid, delay, matters) {
     const inside = within(grid, delay);
     return delay ? grid.flatMap((w, i) => (i + 1 < grid.length && matters(i) ? [w, ...inside(i)] : [w])) : grid;
   }
 
-  /* Zero of a function between two points of different sign: the Illinois method, false position that halves the value
-     of an end which stays. */
+  /* Return the zero of a function between two points of different sign, by the Illinois method: false position that halves
+     the value of an end that is kept. */
   function zero(f, a, b) {
     let fa = f(a), fb = f(b), last = Infinity, kept = 0;
     for (let k = 0; k < 100; k++) {
@@ -248,21 +248,21 @@
     return last;
   }
 
-  /* Largest value of a smooth function between two points around a local maximum, by the golden section. */
+  /* Return the largest value of a smooth function between two points around a local maximum, by the golden section. */
   function summit(f, a, b) {
     const share = (Math.sqrt(5) - 1) / 2;
     let c = b - share * (b - a), d = a + share * (b - a), fc = f(c), fd = f(d);
-    for (let k = 0; k < 28; k++) { // the place to a millionth, the value to its square
+    for (let k = 0; k < 28; k++) { // gives the place to 1e-6 and the value to the square of that
       if (fc > fd) { b = d; d = c; fd = fc; c = b - share * (b - a); fc = f(c); }
       else { a = c; c = d; fc = fd; d = a + share * (b - a); fd = f(d); }
     }
     return Math.max(fc, fd);
   }
 
-  const ENOUGH = 2e-5; // share by which a value may exceed the one found without being looked for
+  const ENOUGH = 2e-5; // a value that exceeds the best one by less than this share is not sought
 
-  /* Suprema over all frequencies of |S| and |C S|, whose limits are `ends`. Wherever the dead time is not resolved they lie
-     below bounds of |L| alone; an interval whose bound exceeds what was found so far is resolved, too. */
+  /* Return the suprema over all frequencies of |S| and |C S|, whose limits at the ends are `ends`. Where the dead time is not
+     resolved, |L| gives upper bounds. An interval whose bound exceeds the best value so far is resolved, too. */
   function peaks(loop, { w: grid, re, im, size, control }, ends) {
     const found = ends.slice(), inner = [], inside = within(grid, loop.delay);
     const closeness = (x, y) => 1 / Math.sqrt((1 + x) * (1 + x) + y * y);
@@ -297,15 +297,15 @@
 
   // --- stability ----------------------------------------------------------------------------------------------------
 
-  /* Closed-loop poles right of the line s = jw - lean (w + w0), by the argument principle; null if one lies on it. */
+  /* Count the closed-loop poles right of the line s = jw - lean (w + w0), by the argument principle. Null if one is on it. */
   function encirclements(loop, parts, w, lean) {
     const nonzero = parts.poles.map(modulus).filter((size) => size > 0);
     const least = nonzero.length ? Math.min(...nonzero) : 1;
     const reference = parts.poles.map((pole) => modulus(pole) || least);
-    /* Phase of 1 + L, freed of its poles and divided by what never turns round; NaN where it is 0. */
+    /* Return the phase of 1 + L without its poles, divided by a factor that does not turn. NaN where it is 0. */
     const phase = (x) => {
       const s = [-lean * (x + w[1]), x];
-      let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // in plain numbers: this runs often
+      let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // real numbers, since this runs often
       for (let k = 0; k < reference.length; k++) {
         const [p, q] = parts.poles[k], far = s[0] + reference[k];
         next = re * (s[0] - p) - im * (x - q);
@@ -321,7 +321,7 @@
       if (Math.hypot(f, g) <= 1e-9 * (Math.hypot(re, im) + Math.hypot(c, d))) return NaN;
       return Math.atan2(g * a - f * b, f * a + g * b);
     };
-    /* Follow the argument; an interval in which it turns quickly is halved. */
+    /* Follow the argument. An interval in which it turns quickly is halved. */
     let total = 0, from = phase(w[0]);
     if (Number.isNaN(from)) return null;
     for (let i = 1; i < w.length; i++) {
@@ -348,14 +348,14 @@
 
   function isStable(loop, parts, grid, size) {
     if (!loop.delay && Math.abs(1 + parts.atInfinity) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
-    // A neutral loop whose gain does not fall below 1 has a chain of poles that is not stable.
+    // A neutral loop whose gain does not fall below 1 has an unstable chain of poles.
     if (loop.delay && Math.abs(parts.atInfinity) >= 1 - 1e-12) return false;
     const w = [0, ...divided(grid, loop.delay, (i) => Math.max(size[i], size[i + 1]) >= 0.5)];
     for (const lean of [0, 1e-9, 1e-7]) {
       const count = encirclements(loop, parts, w, lean);
       if (count !== null) return count === 0;
     }
-    return false; // a pole that cannot be told from the axis is not stable
+    return false; // a pole too close to the axis counts as unstable
   }
 
   // --- margins ------------------------------------------------------------------------------------------------------
@@ -371,7 +371,7 @@
     const least = 1 / Math.abs(1 + farOut), last = open.control[grid.length - 1];
     const [ms, mks] = peaks(loop, open, [least, last * least]);
 
-    /* Gain crossovers: the dead time has no part in them, but a gain that only touches 1 needs a closer look. */
+    /* Return the gain crossovers. They do not depend on the dead time, but a gain that only touches 1 needs more points. */
     let pm = Infinity, dm = Math.abs(parts.atInfinity) >= 1 ? 0 : Infinity;
     const excess = (w) => { look(loop, w); return 0.5 * Math.log(seen[0] * seen[0] + seen[1] * seen[1]); };
     let marks = grid, levels = size.map(Math.log);
@@ -388,13 +388,13 @@
     for (let i = 0; i + 1 < marks.length; i++) {
       if (levels[i] * levels[i + 1] >= 0) continue;
       const w = zero(excess, marks[i], marks[i + 1]);
-      const lag = (angle(openLoop(loop, w)) + Math.PI + 4 * Math.PI) % (2 * Math.PI); // what further dead time must add
+      const lag = (angle(openLoop(loop, w)) + Math.PI + 4 * Math.PI) % (2 * Math.PI); // phase lag of the extra dead time
       pm = Math.min(pm, (Math.min(lag, 2 * Math.PI - lag) * 180) / Math.PI);
       dm = Math.min(dm, lag / w);
     }
 
-    /* Phase crossovers: the loudest below 1 decides. Quieter ones are asked only where there is none. A gain that never falls
-       silent far out has crossovers without end; those within a hundredth of it count as its own. */
+    /* Phase crossovers: the largest |L| below 1 decides. Smaller ones are sought only if there is none. A gain that does not
+       tend to 0 has infinitely many crossovers. Those within a hundredth of its limit count as equal to it. */
     const far = farOut < 0 && farOut > -1 ? -farOut : 0;
     let loudest = Math.max(far, atZero(loop));
     const imaginary = (w) => { look(loop, w); return seen[1] / Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]); };
@@ -420,13 +420,14 @@
     return { ms, mks, gm: loudest ? 1 / loudest : Infinity, pm, dm, stable: true };
   }
 
-  /* |L(0)| where L(0) is negative and above -1: a phase crossover at zero frequency. */
+  /* |L(0)|, if L(0) is negative and above -1, which is a phase crossover at zero frequency. */
   function atZero({ num, den, ki, kp }) {
     const bottom = ki ? 0 : den[den.length - 1], limit = bottom ? (num[num.length - 1] * kp) / bottom : 0;
     return limit < 0 && limit > -1 ? -limit : 0;
   }
 
-  /* L(jw) = re + j im, |C(jw)| and the phase of C in degrees at frequencies that follow every turn while |L| is above 0.02, or at those asked for. */
+  /* Return L(jw) = re + j im, |C(jw)| and the phase of C in degrees at given frequencies, by default at those that resolve
+     every turn while |L| is above 0.02. */
   const frequencyResponse = (asked) => (asked.w ? responseOf(prepared(asked), asked.w) : prepared(asked).response());
 
   function responseOf(found, asked) {
@@ -438,7 +439,7 @@
 
   // --- matrices, as arrays of rows ----------------------------------------------------------------------------------
 
-  /* Solution of a small linear system, by elimination with the largest pivot. */
+  /* Solve a small linear system, by elimination with the largest pivot. */
   function solve(matrix, right) {
     const rows = matrix.map((row, i) => [...row, right[i]]), n = rows.length;
     for (let p = 0; p < n; p++) {
@@ -452,7 +453,7 @@
     return rows.map((row, i) => row[n] / row[i]);
   }
 
-  /* Inverse of a small matrix. */
+  /* Return the inverse of a small matrix. */
   function inverted(matrix) {
     const columns = matrix.map((_, j) => solve(matrix, matrix.map((_, i) => (i === j ? 1 : 0))));
     return matrix.map((_, i) => columns.map((column) => column[i]));
@@ -471,7 +472,7 @@
     return result;
   }
 
-  /* Matrix exponential: Taylor series of the scaled matrix, then squaring, `more` times more than it needs. */
+  /* Return the matrix exponential by a Taylor series of the scaled matrix and squaring, with `more` additional squarings. */
   function exponential(matrix, time, more = 0) {
     const n = matrix.length;
     const norm = Math.max(...matrix.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0))) * time;
@@ -487,9 +488,9 @@
     return sum;
   }
 
-  // --- the loop, cut at its dead time -------------------------------------------------------------------------------
+  // --- the loop, opened at its dead time ----------------------------------------------------------------------------
 
-  /* States: process (in a time unit of its own), lags of the filter, integral of the error, the set point.
+  /* Realise the loop. States: process (in its own time unit), lags of the filter, integral of the error, the set point.
      x' = A x + b w with w(t) = v(t - delay); y = cy x + dy w, u = cu x + du w, v = u + load. */
   function stateSpace(loop) {
     const np = loop.den.length - 1, n = loop.order, size = np + n + 2, step = size - 1, integral = size - 2;
@@ -509,7 +510,7 @@
     }
     if (np) b[0] = unit;
 
-    // The error r - y as a row goes into the chain of lags that is the filter, and into the integral.
+    // The error r - y, as a row, drives the chain of lags of the filter and the integral.
     const { A: chain, b: first, row } = controllerBlock(loop), error = cy.map((c) => -c);
     error[step] = 1;
     for (let k = 0; k < n; k++) {
@@ -533,7 +534,7 @@
     return result;
   };
 
-  /* result = matrix x, for a flat matrix: this runs millions of times. */
+  /* Compute result = matrix x for a flat matrix. This runs millions of times. */
   function apply(matrix, x, result) {
     for (let i = 0, k = 0; i < result.length; i++) {
       let sum = 0;
@@ -544,13 +545,13 @@
 
   // --- linear responses ---------------------------------------------------------------------------------------------
 
-  const NODES = 6; // of a piece, ends included, evenly spaced: w is a polynomial of degree 5 on each piece
+  const NODES = 6; // evenly spaced nodes of a piece, with its ends; w is a polynomial of degree 5 on each piece
   const INVERSE = inverted( // of the Vandermonde matrix of the nodes 0, 1/5, …, 1: coefficients from values
     Array.from({ length: NODES }, (_, i) => Array.from({ length: NODES }, (_, q) => Math.pow(i / (NODES - 1), q))));
-  const EACH = 8; // pieces of each size: what these polynomials miss of a kick comes through the plant with the gain of the kick
-  const MOST_PIECES = 300000; // in a response
+  const EACH = 8; // pieces of each size; the error of the polynomials in a kick passes the plant with the gain of the kick
+  const MOST_PIECES = 300000; // of a response
 
-  /* Sizes of the pieces of one dead time. Everything that is not smooth happens at multiples of the dead time, so the
+  /* Return the sizes of the pieces of one dead time. The response is not smooth only at multiples of the dead time, so the
      pieces are short at its beginning and double until they are as long as the slower motion of the loop allows. */
   function pieces(delay, shortest, longest) {
     const many = Math.max(4, Math.ceil(delay / longest));
@@ -563,9 +564,9 @@
     return { exponents, levels, unit: delay / units };
   }
 
-  /* For pieces of one size, from the state at the beginning and w at the nodes: the state at the end, then y and then u at
-     the nodes but the first, as one flat matrix. Between the nodes w is the polynomial through them, and for a polynomial the
-     exponential of a larger matrix is exact: `matrix` goes from node to node, `whole` to the end. */
+  /* Return one flat matrix for pieces of one size. From the state at the beginning and w at the nodes it gives the state at
+     the end, then y and u at all nodes except the first. Between the nodes w is the polynomial through them, for which the
+     exponential of a larger matrix is exact. `matrix` advances to the next node, `whole` to the end. */
   function transitions({ size, cy, dy, cu, du }, matrix, whole, length) {
     // from derivatives of w at the beginning, q! a_q / length^q, to its values at the nodes
     const nodal = (row) => {
@@ -588,12 +589,12 @@
     return flat([...whole.slice(0, size).map(nodal), ...outputs]);
   }
 
-  /* How the loop moves through one dead time, whatever moves it: its pieces, and a matrix for each of their sizes. With a
-     `share` below 1 the pieces are shorter. */
+  /* Return the pieces of one dead time, and a matrix for each of their sizes. With a `share` below 1 the pieces are
+     shorter. */
   function motion(loop, parts, grid, loudness, space, share = 1) {
     const { A, b, size } = space, { shortest, longest } = speeds(loop, parts, grid, loudness);
     const { exponents, levels, unit } = pieces(loop.delay, share * shortest, share * longest);
-    // One exponential for the shortest piece (a fifth of it, from node to node), squared for each doubling.
+    // One exponential for a fifth of the shortest piece, from node to node, is squared for each doubling.
     const wide = zeros(size + NODES, size + NODES), ready = [];
     for (let i = 0; i < size; i++) { wide[i].set(A[i]); wide[i][size] = b[i]; }
     for (let q = 0; q + 1 < NODES; q++) wide[size + q][size + q + 1] = 1;
@@ -606,13 +607,13 @@
     return { exponents, unit, ready };
   }
 
-  /* Interval by interval of the dead time, piece by piece: w on a piece is v on the same piece one interval before. */
+  /* Simulate dead time by dead time, piece by piece. On each piece w is v on the same piece one dead time before. */
   function march({ delay }, { cy, dy, cu, du, size, step }, { exponents, unit, ready }, setpoint, load, times) {
     const end = times[times.length - 1], intervals = Math.floor(end / delay + 1e-9) + 1;
     if (intervals * exponents.length > MOST_PIECES) fail(`${intervals} dead times are too many to follow; shorten end`);
 
     const y = new Float64Array(times.length), u = new Float64Array(times.length);
-    const delayed = exponents.map(() => new Float64Array(NODES)); // w on each piece of the interval at hand
+    const delayed = exponents.map(() => new Float64Array(NODES)); // w on each piece of the present interval
     const input = new Float64Array(size + NODES), after = new Float64Array(size + 2 * (NODES - 1));
     const x = new Float64Array(size), yNodes = new Float64Array(NODES), uNodes = new Float64Array(NODES);
     const yPowers = new Float64Array(NODES), uPowers = new Float64Array(NODES);
@@ -630,7 +631,7 @@
         for (let i = 1; i < NODES; i++) { yNodes[i] = after[size + i - 1]; uNodes[i] = after[size + NODES + i - 2]; }
         const to = p + 1 < exponents.length ? from + length : (k + 1) * delay;
         const begin = next;
-        // A time within rounding of the next piece belongs to that: there a jump has happened.
+        // A time within rounding of the next piece belongs to that piece, since it is after a jump.
         for (; next < times.length && times[next] < to - 1e-12 * end - (next + 1 === times.length ? -2e-12 * end : 0); next++) {
           if (next === begin) { powers(yNodes, yPowers); powers(uNodes, uPowers); }
           const share = (times[next] - from) / (to - from);
@@ -645,7 +646,7 @@
     return { y, u };
   }
 
-  /* Coefficients of the polynomial through the nodes, in ascending powers, and its value. */
+  /* Return the coefficients of the polynomial through the nodes, in ascending powers, and its value. */
   function powers(values, coefficients) {
     for (let q = 0; q < NODES; q++) coefficients[q] = dot(INVERSE[q], values);
   }
@@ -655,21 +656,21 @@
     return sum;
   }
 
-  /* Lengths of the shortest and the longest piece: the fastest pole, and the fastest motion that lasts. */
+  /* Return the lengths of the shortest and the longest piece, from the fastest pole and the fastest lasting motion. */
   function speeds(loop, parts, grid, loudness) {
     const fastest = Math.max(1 / loop.delay, ...parts.poles.map(modulus));
     let lasting = 1 / loop.delay;
     for (const [re, im] of parts.poles) {
       if (Math.abs(re) < 0.7 * Math.hypot(re, im) || re > 0) lasting = Math.max(lasting, Math.hypot(re, im));
     }
-    // Frequencies at which the loop still answers; a loop that never falls silent is followed at its fastest pole.
+    // These are the frequencies at which the loop still reacts. If its gain does not decrease, use the fastest pole.
     const loudest = grid.findLast((_, i) => loudness[i] > 0.03) ?? 0;
     lasting = Math.max(lasting, Math.min(loudest, 2 * fastest));
     return { shortest: 0.25 / fastest, longest: 1.0 / lasting };
   }
 
-  /* Without dead time the loop closes at once, w = v, and one exponential carries it from time to time; the load is a
-     state of its own. */
+  /* Without dead time the loop is closed, w = v, and one exponential advances it from time to time. The load is a further
+     state. */
   function closed({ A, b, cy, dy, cu, du, size, step }, setpoint, load, times, more = 0) {
     if (Math.abs(1 - du) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
     const v = Float64Array.from({ length: size + 1 }, (_, j) => (j < size ? cu[j] : 1) / (1 - du));
@@ -699,15 +700,15 @@
     return free.least < low || free.most > high ? limited(asked, loop, free.t) : { t: free.t, y: free.y, u: free.u, fine: free.fine };
   }
 
-  const ORDINARY = 1e-3; // of the plant's time constants: filters down to this are followed to a millionth
-  const TRUST = 2e-6; // share of the largest value that a faster one may leave uncertain
-  const FINER = 0.4; // pieces of the run that tells: always of other sizes, since those are powers of 2 apart
+  const ORDINARY = 1e-3; // with a filter down to this share of the plant's time constants the error is below 1e-6
+  const TRUST = 2e-6; // largest uncertainty with a faster filter, relative to the largest value
+  const FINER = 0.4; // ratio of piece sizes of the second run, which always differ, since sizes are powers of 2 apart
 
-  const ROUNDING = 10 * 2 ** -52; // of the largest gain of the filter's lags: they are stored as one number with kp
+  const ROUNDING = 10 * 2 ** -52; // relative to the largest gain of the filter's lags, which are stored as one number with kp
 
-  /* Share of the largest value by which y and u of two runs differ that see different pieces and round differently. What a
-     fast filter costs depends on the loop: a second derivative makes of the rounding of y as much as ka / filterTime^2. What
-     is rounded before both runs, the gains themselves, they cannot tell. */
+  /* Return the relative difference of y and u of two runs with different pieces and different rounding. The loss of digits by
+     a fast filter depends on the loop, since a second derivative amplifies the rounding of y by ka / filterTime^2. The
+     rounding of the gains themselves is equal in both runs and does not show. */
   function uncertain(found, asked, { y, u }) {
     const { loop } = found, space = found.space();
     const again = loop.delay
@@ -725,7 +726,7 @@
     }));
   }
 
-  /* Refuse a filter so much faster than the plant that rounding shows, and name the shortest that serves. */
+  /* Refuse a filter that is so much faster than the plant that rounding shows, and name the shortest allowed one. */
   function requireDigits(found, asked, run) {
     const { loop } = found, fast = ({ order, time }, { unit }) => order && time * unit < ORDINARY;
     if (!fast(loop, found.space()) || uncertain(found, asked, run) <= TRUST) return;
@@ -733,12 +734,12 @@
       const slower = unlimited({ ...loop, time, limits: null }), space = slower.space();
       const serves = () => uncertain(slower, asked, loop.delay ? march(slower.loop, space, slower.motion(), ...asked) : closed(space, ...asked)) <= TRUST;
       if (!fast(slower.loop, space) || serves()) {
-        fail(`controller.filterTime ${loop.time} is too short beside the plant: rounding would show; the shortest that serves is about ${time.toPrecision(2)}`);
+        fail(`controller.filterTime ${loop.time} is too short for this plant, since rounding would show; the shortest allowed one is about ${time.toPrecision(2)}`);
       }
     }
   }
 
-  /* The response of a loop without limits, with what u reaches. */
+  /* Return the response of a loop without limits, with the range of u. */
   function linear(found, end, points, setpoint, load) {
     const { loop } = found, t = new Float64Array(points).map((_, k) => (end * k) / (points - 1)), all = finer(loop, t);
     const { y, u } = loop.delay ? march(loop, found.space(), found.motion(), setpoint, load, all) : closed(found.space(), setpoint, load, all);
@@ -752,11 +753,11 @@
     return { t, y: pick(y), u: pick(u), fine: { t: all, u }, least, most };
   }
 
-  /* Where derivatives kick, as pairs of times: some filter times after the step, and after the first dead times, when the
-     kick has gone round the loop. */
+  /* Return the intervals of kicks of derivatives, as pairs of times: some filter times after the step, and after the first
+     dead times, when the kick has passed through the loop. */
   const kicks = ({ order, time, delay }) => (order ? Array.from({ length: delay ? 4 : 1 }, (_, k) => [k * delay, k * delay + (order + 4) * time]) : []);
 
-  /* Evenly spaced times and, where derivatives kick, others at most a sixteenth of the filter time apart. */
+  /* Return evenly spaced times and, during kicks, additional times at most a sixteenth of the filter time apart. */
   function finer(loop, times) {
     const end = times[times.length - 1], even = times[1], parts = Math.ceil((16 * even) / loop.time), more = [];
     if (!(parts > 1 && parts < Infinity)) return times;
@@ -772,7 +773,7 @@
 
   // --- a digital controller, its limits, noise ----------------------------------------------------------------------
 
-  /* What a held input makes of the states x' = A x + b w over a time, as a flat matrix for [x, w]. */
+  /* Return the transition of x' = A x + b w over a time with a held input, as a flat matrix for [x, w]. */
   function drift(A, b, time) {
     const n = b.length, wide = zeros(n + 1, n + 1);
     for (let i = 0; i < n; i++) { wide[i].set(A[i]); wide[i][n] = b[i]; }
@@ -780,8 +781,8 @@
     return flat(exact.slice(0, n));
   }
 
-  /* The process from sample to sample: y = out x + dy w, and a step for each piece of a sample in which its delayed input
-     is constant, the one of `ago` samples before. */
+  /* Return the sampled process: y = out x + dy w, and a transition for each piece of a sample in which its delayed input is
+     constant, that of `ago` samples before. */
   function held({ A, b, cy, dy, np }, delay, h) {
     if (dy && delay < h * 1e-9) fail("the process answers within the sample");
     const own = A.slice(0, np).map((row) => row.slice(0, np)), whole = Math.floor(delay / h + 1e-9), part = delay - whole * h;
@@ -792,7 +793,7 @@
     return { np, dy, out: cy.slice(0, np), steps, inside };
   }
 
-  /* The chain of lags of the filter with the error as its input, and the control signal less its integral as a row:
+  /* Return the chain of lags of the filter with the error as its input, and the control signal less its integral as a row:
      (C(s) - ki/s) error, with ki/s (p^n - 1) = -ki T (p + ... + p^n) for the lag p = 1/(1 + T s). */
   function controllerBlock(loop) {
     const n = loop.order, A = zeros(n, n), b = new Float64Array(n), row = new Float64Array(n + 1); // row[0]: the error
@@ -810,19 +811,19 @@
     return { A, b, row };
   }
 
-  /* The stabilising controller and the reset time of a series form: (kp + kd s + ka s^2)(1 + time s)/(time s) has the gains
-     of the loop. Of several real zeros the fastest becomes the reset, as in huba2024; two that rounding made a pair count. */
+  /* Return the stabilising controller and the reset time of the series form (kp + kd s + ka s^2)(1 + time s)/(time s) with the
+     gains of the loop. The fastest real zero becomes the reset, as in huba2024, also one of a pair due to rounding. */
   function series(loop) {
     const gains = [loop.ka, loop.kd, loop.kp, loop.ki];
     const real = loop.ki ? roots(gains).filter(([re, im]) => re < 0 && Math.abs(im) < 0.1 * Math.hypot(re, im)) : [];
     if (!real.length) fail("an automatic reset needs gains with a real zero left of the axis");
     const time = -1 / Math.min(...real.map(([re]) => re));
-    // ki (1 + c1 s + c2 s^2)(1 + time s) has these gains: divide from below
+    // ki (1 + c1 s + c2 s^2)(1 + time s) has these gains. Divide from the lowest power.
     const kp = loop.ki * time, kd = (loop.kp - kp) * time, ka = loop.ka;
     return { time, block: { ...loop, ki: 0, kp, kd, ka } };
   }
 
-  /* x becomes matrix [x, w]; `next` is room for it. */
+  /* Replace x by matrix [x, w], with `next` as memory. */
   function advance(matrix, x, w, next) {
     const n = x.length;
     for (let i = 0, k = 0; i < n; i++) {
@@ -835,8 +836,8 @@
 
   const WAYS = ["none", "clamping", "conditioning", "reset"], METHODS = ["held", "backward"], MOST_SAMPLES = 2e6;
 
-  /* What the integral of a sampled controller does: it grows by `error` times the error and by `signal` times what the
-     rest of the controller makes of it, and takes back `tracking` times what a limit cut off. */
+  /* Return the coefficients of the integral of a sampled controller. It grows by `error` times the error and by `signal` times
+     the output of the other actions, and decreases by `tracking` times the part that a limit cut off. */
   function integralOf(loop, way, h, backward, trackingTime) {
     if (way === "reset") {
       const { time, block } = series(loop), share = -Math.expm1(-h / time);
@@ -852,11 +853,11 @@
     return own;
   }
 
-  /* The loop with a controller that reads and sets at multiples of the sample time and is held in between: exact for
-     the process. antiWindup is "none", "clamping" (the integral rests while it would drive u further beyond a limit, and differences let it grow up to there),
-     "conditioning" (it integrates the error that would have made the limited signal, or takes back what the limit cut
-     off in trackingTime) or "reset" (automatic reset: the integral is a lag behind the limited signal). method is "held",
-     exact filters for an input that is held, or "backward", differences as in most PLCs, which bear any sample time. */
+  /* Simulate the loop with a sampled controller whose output is held, exactly for the process. antiWindup is "none",
+     "clamping" (the integral stops while it would drive u further beyond a limit; with differences it grows up to the limit),
+     "conditioning" (it integrates the error that would have given the limited signal, or with a trackingTime removes the
+     part that the limit cut off) or "reset" (automatic reset: the integral is a lag behind the limited signal). method is
+     "held", exact filters for a held input, or "backward", differences as in most PLCs, for any sample time. */
   function simulateSampled(asked) {
     const loop = readLoop(asked), h = real("sampleTime", asked.sampleTime, 0), end = real("end", asked.end, 0);
     const way = asked.antiWindup ?? "none", method = asked.method ?? "held", setpoint = asked.setpoint ?? 0, load = asked.load ?? 0;
@@ -881,14 +882,14 @@
       t[k] = k * h;
       y[k] = dot(out, x) + dy * v[k + before - steps[0].ago];
       const error = setpoint - y[k] - (asked.noise ? asked.noise[k] : 0);
-      // differences see the error of now, filters for a held input that of the samples before
+      // Differences use the present error, filters for a held input the previous one.
       if (backward) for (let j = 0; j < z.length; j++) z[j] += newest * ((j ? z[j - 1] : error) - z[j]);
       let signal = block.row[0] * error;
       for (let j = 0; j < z.length; j++) signal += block.row[j + 1] * z[j];
       const growth = rule.error * error + rule.signal * signal;
       const wanted = signal + integral + (backward ? growth : 0), excess = limit(wanted) - wanted;
       const rests = way === "clamping" && excess * growth < 0, room = wanted + excess - signal - integral;
-      // differences: the integral grows up to the limit, since one growth may be more than the whole range
+      // With differences the integral grows up to the limit, since one growth may exceed the whole range.
       const up = rests && backward && room * growth > 0;
       u[k] = limit(rests && !up ? signal + integral : wanted);
       if (up) integral += room; else if (!rests) integral += growth + rule.tracking * excess;
@@ -909,7 +910,7 @@
     return fine ? { t, y, u, between: fine } : { t, y, u };
   }
 
-  /* Output of a plant for an input that is held from sample to sample, from rest. */
+  /* Return the output of a plant from rest for an input that is held from sample to sample. */
   function respond(process, u, h) {
     const { np, dy, out, steps } = prepared({ process, controller: { gains: [] } }).held(h), x = new Float64Array(np), next = new Float64Array(np);
     return Float64Array.from(u, (_, k) => {
@@ -919,18 +920,18 @@
     });
   }
 
-  /* The plant behind a hold from sample to sample, at frequencies up to half that of sampling. */
+  /* Return the sampled plant with a hold at frequencies up to half the sampling frequency. */
   function sampledPlant({ process, controller = { gains: [] } }, h, w) {
     const { np, dy, out, steps } = prepared({ process, controller }).held(h);
     const rows = ({ matrix }) => Array.from({ length: np }, (_, i) => Array.from(matrix.subarray(i * (np + 1), (i + 1) * (np + 1))));
     const [first, second] = steps.map(rows), last = second ?? first;
-    // over a whole sample, A and b; of two pieces the second goes on where the first ends
+    // A and b over a whole sample, where the second of two pieces continues the first.
     const whole = second ? product(last.map((one) => one.slice(0, np)), first) : first, re = new Float64Array(w.length), im = new Float64Array(w.length);
     w.forEach((x, k) => {
       const cos = Math.cos(x * h), sin = Math.sin(x * h), turned = (ago) => [Math.cos(x * h * ago), -Math.sin(x * h * ago)];
       const early = turned(steps[0].ago), late = second ? turned(steps[1].ago) : [0, 0];
       const input = (part) => whole.map((one, i) => (one[np] ?? 0) * early[part] + last[i][np] * late[part]);
-      // (z - A) state = b, real parts and then imaginary ones
+      // Solve (z - A) state = b, with real parts first, then imaginary parts.
       const unit = (i, j, value) => (i === j ? value : 0), less = (one, i) => Array.from({ length: np }, (_, j) => unit(i, j, cos) - one[j]);
       const skew = (i, value) => Array.from({ length: np }, (_, j) => unit(i, j, value));
       const state = solve([...whole.map((one, i) => [...less(one, i), ...skew(i, -sin)]), ...whole.map((one, i) => [...skew(i, sin), ...less(one, i)])], [...input(0), ...input(1)]);
@@ -939,8 +940,8 @@
     return { re, im };
   }
 
-  /* The same as frequencyResponse for a controller of backward differences, from sample to sample, up to half the
-     sampling frequency, or at the frequencies `w` that are asked for. */
+  /* Return the same as frequencyResponse for a sampled controller of backward differences, at frequencies up to half the
+     sampling frequency or at given frequencies `w`. */
   function sampledResponse(asked) {
     const loop = readLoop(asked), h = asked.sampleTime, { row } = controllerBlock(loop), newest = h / (loop.time + h);
     const grid = asked.w ?? [...frequencyResponse(asked).w.filter((x) => x < Math.PI / h), Math.PI / h], plant = sampledPlant(asked, h, grid);
@@ -957,7 +958,7 @@
     };
   }
 
-  /* A limited controller, sampled so fast that it is continuous to the eye. */
+  /* Simulate a limited controller, sampled so fast that it looks continuous. */
   function limited(asked, loop, times) {
     const end = asked.end, finest = loop.order ? loop.time / 4 : Infinity;
     const share = Math.ceil(Math.max(end / finest, 4000) / (times.length - 1));

@@ -1,26 +1,27 @@
-/* Hidden plants: each <div class="pidalab-hidden"> becomes ten plants whose models the page does not show. A learner takes a
-   noisy step test, sets the gains within a time limit, and is judged on the true plant. The score stays in the browser. */
+/* Hidden plants: each <div class="pidalab-hidden"> becomes ten plants whose models the page does not show. The learner makes
+   a noisy step test and sets the gains within a time limit. They are judged on the true plant. The score is stored in the
+   browser. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, margins, respond } = globalThis.pidalabEngine;
   const { controller, iae, noiseScale, relativeNoiseGain } = globalThis.pidalabModel;
-  const MS = 1.6, NOISE = 1, SLACK = 1.003, KEY = "step first, then look"; // the limits; answers have three digits
-  const SAMPLES = 300, SHARE = 0.02; // of a step test, and the noise by its change
+  const MS = 1.6, NOISE = 1, SLACK = 1.003, KEY = "step first, then look"; // limits, with a tolerance for answers of three digits
+  const SAMPLES = 300, SHARE = 0.02; // number of samples of a step test, and its noise relative to the change
 
-  /* A plant by its name. */
+  /* Return a plant by its name. */
   function plantOf(name) {
     const bytes = globalThis.pidalabHiddenData[name].match(/../g).map((pair) => parseInt(pair, 16));
     return JSON.parse(bytes.map((byte, k) => String.fromCharCode(byte ^ KEY.charCodeAt(k % KEY.length))).join(""));
   }
 
-  /* A record of a unit step of u at a twentieth of the time: {t, u, y}, from a level that says nothing of the plant. */
+  /* Return a record {t, u, y} of a unit step of u at a twentieth of the time, from an arbitrary level. */
   function stepTest(name, random) {
     const plant = plantOf(name), h = plant.end / SAMPLES, u = Array.from({ length: SAMPLES + 1 }, (_, k) => (k >= SAMPLES / 20 ? 1 : 0));
     const clean = respond(plant, u, h), size = Math.max(...clean.map(Math.abs)), level = 3 * size * random();
     return { t: u.map((_, k) => k * h), u, y: Array.from(clean, (y) => level + y + SHARE * size * (random() + random() + random() - 1.5)) };
   }
 
-  /* What a controller {kp, ti, td, ta, Tf} is worth on the true plant: 100 points for the least IAE that a PIDA can have. */
+  /* Judge a controller {kp, ti, td, ta, Tf} on the true plant. The least IAE of a PIDA gives 100 points. */
   function judged(name, { kp, ti, td, ta, Tf }) {
     const plant = plantOf(name), { num, den, delay } = plant, process = { num, den, delay }, kind = ta ? "PIDA" : td ? "PID" : "PI";
     const design = { kind, kp, ti, td, ta, filterTime: Tf, filterOrder: { PI: 1, PID: 2, PIDA: 3 }[kind] };
@@ -37,7 +38,7 @@
 
   const gainSign = ({ num, den }) => Math.sign(num[num.length - 1] * den[den.findLastIndex((c) => c !== 0)]);
 
-  /* IAE after a unit step of the load until the loop rests; what is left counts as the integral of the error. */
+  /* Return the IAE after a unit load step until the loop is at rest, with the integral of the error for the remainder. */
   function respondTo(process, design, { end }) {
     const own = controller(design), run = simulate({ process, controller: own, end: 4 * end, points: 4001, load: 1 });
     const area = run.y.reduce((sum, y, k) => (k ? sum + 0.5 * (run.t[k] - run.t[k - 1]) * (y + run.y[k - 1]) : 0), 0);
@@ -57,7 +58,7 @@ if (typeof document !== "undefined") (function () {
   const LIMITS = [5, 10, 20], CLEAR = "Forget all scores";
 
   const recall = () => { try { return JSON.parse(localStorage.getItem(KEY)) ?? {}; } catch { return {}; } };
-  const keep = (scores) => { try { localStorage.setItem(KEY, JSON.stringify(scores)); } catch { /* until the page is left */ } };
+  const keep = (scores) => { try { localStorage.setItem(KEY, JSON.stringify(scores)); } catch { /* the score is then kept until the page is left */ } };
   const button = (text, onclick) => element("button", { type: "button", class: "lab-button", onclick }, text);
 
   class Hidden {
@@ -94,7 +95,7 @@ if (typeof document !== "undefined") (function () {
       this.show();
     }
 
-    /* The clock starts with the first test; a second one is another noise. */
+    /* The clock starts with the first test. A second test has different noise. */
     test() {
       const first = !this.record;
       this.record = stepTest(this.name, Math.random);
@@ -149,7 +150,7 @@ if (typeof document !== "undefined") (function () {
           ["tr", {}, ["th", { scope: "row" }, "together, of 1000"], ["td", {}, String(sum)], ["td", {}, ""]]]]);
     }
 
-    /* For the teacher: the plants, and their best controllers. */
+    /* Show the plants and their best controllers, for teachers. */
     sheet() {
       const short = (x) => String(Number(x.toPrecision(3))), list = (values) => values.map(short).join(", ");
       const rows = names().map((name) => {

@@ -1,5 +1,5 @@
-/* The lab: every <div class="pidalab-lab"> of a page becomes a place to design in. State lives in one object, which is
-   also what the page's address and the exported file hold; whatever changes it draws everything anew. */
+/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state, which the page's address and
+   the exported file contain, too. Each change of the state redraws everything. */
 (function () {
   "use strict";
   const { PLANTS, RULES, ORDER, alike, ownPlant, controller, study, noiseScale, noiseGainAt, readNumber, write, read } = globalThis.pidalabModel;
@@ -37,9 +37,9 @@
 
   let names = 0;
 
-  /* A slider and a number for one value: the number takes any value, the slider the usual ones, three digits of them:
-     a step must show in these, or a key would move the slider and leave the value. A negative value keeps its sign on a slider of
-     decades, and a value beyond its end makes it longer. */
+  /* A slider and a number for one value. The number takes any value, the slider the usual ones with three digits. A step must
+     change these digits, or a key would move the slider without the value. On a logarithmic slider a negative value keeps its
+     sign, and a value beyond its end extends it. */
   function slider({ label, help, low, high, log, step, get, set }) {
     const id = `lab-input-${++names}`;
     const to = log ? (x) => Math.log10(Math.max(Math.abs(x), low)) : (x) => x;
@@ -264,7 +264,7 @@
   const differing = (object, from) => Object.fromEntries(Object.entries(object).filter(([key, value]) => value !== from[key])
     .map(([key, value]) => [key, typeof value === "number" ? Number(value.toPrecision(6)) : value]));
 
-  // --- a search takes a second: in a worker, one at a time ----------------------------------------------------------
+  // --- searches, in a worker, one at a time, since they take a second----------------------------------------------------
 
   const WORK = `onmessage = ({ data: { key, process, kind, knobs } }) => {
     let found;
@@ -429,8 +429,8 @@
 
     link() { return write(this.shared()); }
 
-    /* Put the state into the address, once the hand rests: a browser bears few changes of it in a second. Not over one that
-       was given meanwhile, of which the browser is about to tell. */
+    /* Put the state into the address when controls rest, since a browser allows few changes of it in a second. Do not replace
+       an address that was given meanwhile and is about to be announced. */
     save() {
       if (!this.unsaved || location.hash !== this.heard) return;
       const now = JSON.stringify(this.state);
@@ -542,8 +542,8 @@
       document.body.classList.add("lab-page");
     }
 
-    /* A change of the filter: rules that leave it to the user hold on, those that find it become designs by hand. A
-       comparison with a filter of one's own is not fair. */
+    /* Change the filter. Rules that leave it to the user stay, those that compute it become designs by hand. The comparison is
+       then no longer fair. */
     filter(update) {
       if ("filterTime" in update && this.onTerms(this.design)) {
         this.say("The filter time is yours now, so the comparison is no longer fair.");
@@ -591,8 +591,8 @@
       } catch (error) { this.say(`${file.name}: ${error.message}.`); }
     }
 
-    /* A record becomes a plant, by least squares, and that a design with a filter that suits its noise: u is to move by a
-       tenth of the record's step for three standard deviations. Until the search is done, nothing is shown in its place. */
+    /* Fit a plant to a record by least squares, and make a design with a filter for its noise: three standard deviations move u
+       by a tenth of the record's step. Nothing is shown until the search is done. */
     takeRecord(text, name, columns) {
       const record = readRecord(text, columns), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
       const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
@@ -646,8 +646,8 @@
       this.show(this.call(), "pida_designs.py");
     }
 
-    /* All designs with their limits, sampling and noise as Python, and what it leaves out. Only numbers and quoted names of
-       the state get into it. */
+    /* Return all designs with their limits, sampling and noise as Python, and remarks on omissions. Only numbers and quoted names
+       of the state enter the script. */
     call() {
       const { num, den, delay, end } = this.process, { designs, sampled, noisy } = this.state, names = this.names(), h = Number(this.state.sampleTime);
       const list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`, left = noisy ? [`Left out: the measurement noise of the lab, ±${Number(this.state.noise)}.`] : [];

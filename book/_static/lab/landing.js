@@ -1,9 +1,10 @@
-/* The figure of the first page: a dot on the curve of what acceleration saves is dragged to the noise that is allowed, and
-   the best PI, PID and PIDA loops at that noise follow. The page holds their gains in JSON; the loops are computed here. */
+/* The figure of the first page. The reader drags a dot on the curve of the IAE saved by acceleration to a limit of noise, and
+   the figure shows the best PI, PID and PIDA loops at that limit. The page holds their gains in JSON; this script computes the
+   loops. */
 (function () {
   "use strict";
   const { simulate, simulateSampled } = globalThis.pidalabEngine, { uniform } = globalThis.pidalabModel;
-  const draw = globalThis.pidalabPlot, { element, marked } = draw, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // with their looks
+  const draw = globalThis.pidalabPlot, { element, marked } = draw, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // kinds with the numbers of their looks
   const PROCESS = { num: [1], den: [1, 3, 3, 1], delay: 1 }, FINE = 10; // steps of a loop while a value of the noise is held
 
   class Landing {
@@ -23,7 +24,7 @@
       this.turn(this.k);
     }
 
-    /* Output without noise, control signal with it, of the three loops at one limit. */
+    /* Return output without noise and control signal with noise of the three loops at one limit. */
     run(k) {
       return Object.entries(KINDS).map(([kind, look]) => {
         const gains = this[kind][k].slice(1, -1), controller = { gains, filterTime: this[kind][k].at(-1), filterOrder: gains.length - 1 };
@@ -57,7 +58,7 @@
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
       this.bar.setAttribute("aria-valuetext", `relative noise gain ${this.limits[k]}`);
-      // a controller that is the same with less noise makes no use of more
+      // A controller that is equal at a lower limit does not use the higher one.
       const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
       const key = (kind) => element("span", { class: "landing-key" }, element("span", { class: `lab-key lab-key-${KINDS[kind]}` }), ` ${kind} ${this[kind][k][0].toFixed(2)}`);
       this.words.replaceChildren(`Relative noise gain ${this.limits[k]}. IAE:`,

@@ -1,18 +1,18 @@
-/* Live figures: a <div class="pidalab-live"> of a page becomes a figure with knobs, made of the lab's parts. What stands
-   inside it is for readers without JavaScript; if that is a figure with a caption, the knobs and plots take the place of its
-   picture, and the number stays, and the caption unless there is one of their own. What it shows is JSON, in the attribute data-live or in a script inside the div
-   (`pidalab.plots.live` writes one):
+/* Live figures: a <div class="pidalab-live"> of a page becomes a figure with controls, made of the lab's parts. Its content
+   is for readers without JavaScript. If that is a figure with a caption, controls and plots replace its image. The number is
+   kept, and so is the caption unless the live figure has one. The options are JSON, in the attribute data-live or in a
+   script inside the div (`pidalab.plots.live` writes one):
 
      plant     key of a plant, or {num, den, delay, end}
      designs   list of designs: {kind, kp, ti, td, ta, filterTime, filterOrder}
-     names     words for the designs, in their order; by default their kinds
-     rule, ms, tc   a rule of the lab that makes each design anew, and its knob; a design may have an `ms` or `tc` of its own
-     conditions     {limits, antiWindup, trackingTime, sampleTime, noise, end}; a design may have `conditions` of its own
+     names     names of the designs, in their order; by default their kinds
+     rule, ms, tc   a rule of the lab that computes each design, and its knob; a design may have its own `ms` or `tc`
+     conditions     {limits, antiWindup, trackingTime, sampleTime, noise, end}; a design may have its own `conditions`
      knobs     list of {key, label, low, high, log, step}; key is one of a design ("kp", "filterTime", …: it is set in all of
                them, or in the one that `design` numbers), "ms", "tc", "plant.delay", or "limits.high", "sampleTime", "noise"
      plots     names out of setpoint, load, control, effort, nyquist, bode, closed, lead, noise
      numbers   names out of iae, iaeSetpoint, overshoot, ms, mks, gm, gmLeast, pm, pmLeast, dm, peak, sigma; first and hump
-               (which stand for unstable loops, too, so they come last)
+               (which exist for unstable loops, too, so they come last)
      caption   the caption of the live figure; `lab: true` adds a link to the lab with these designs loaded */
 (function () {
   "use strict";
@@ -31,11 +31,11 @@
       this.draw();
     }
 
-    /* The object and the name in it that a knob turns. */
+    /* Return the object and the name of its field that a knob changes. */
     places({ key, design }) {
       const { state } = this, [first, second] = key.split(".");
       if (first === "plant") return [[this.process, second]];
-      if (first === "limits") { // a knob for both limits turns the lower one the other way
+      if (first === "limits") { // a knob for both limits sets the lower one to the negative value
         const limits = (state.conditions.limits ??= [-1e9, 1e9]), low = { get 0() { return limits[0]; }, set 0(x) { limits[0] = -x; } };
         return second ? [[limits, second === "low" ? 0 : 1]] : [[limits, 1], [low, 0]];
       }
@@ -57,19 +57,19 @@
       this.plots = Object.fromEntries(state.plots.map((key) => [key, element("div")]));
       this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Numbers of the figure" });
       this.trouble = element("span", { class: "lab-trouble" });
-      this.heard = element("span", { class: "lab-heard" }); // a change of text is announced, one of a label is not
+      this.heard = element("span", { class: "lab-heard" }); // screen readers announce a change of text, but not of a label
       this.live = element("p", { class: "lab-live", role: "status" }, this.trouble, " ", this.heard);
       this.host.addEventListener("lab-refused", ({ detail }) => { this.trouble.textContent = detail; });
       const caption = element("p", { class: "lab-caption" }, ...marked(state.caption ?? ""));
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
-      const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // then the table fills the gap
+      const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // then the table fills the last place
       const grid = element("div", { class: "lab-plots" }, ...plots, ...(odd ? [this.table] : []));
       const parts = [element("div", { class: "lab-knobs" }, ...this.knobs), this.live, grid, ...(odd ? [] : [this.table])];
       const figure = this.host.querySelector("figure");
       if (!figure) return this.host.replaceChildren(...parts, caption);
       for (const picture of figure.querySelectorAll("img")) picture.remove();
       figure.prepend(...parts);
-      for (const fold of this.host.querySelectorAll("details.above-input")) fold.remove(); // the code of the picture that was here
+      for (const fold of this.host.querySelectorAll("details.above-input")) fold.remove(); // the code of the replaced image
       const words = figure.querySelector(".caption-text") ?? figure.querySelector("figcaption");
       if (state.caption && words) words.replaceChildren(element("span", {}, ...marked(state.caption)));
       if (words && this.link) words.append(" ", this.link);
@@ -100,8 +100,7 @@
       this.speaking = setTimeout(() => { this.trouble.textContent = trouble.join(" "); this.heard.textContent = words.join(" "); }, 250);
     }
 
-    /* What the lab needs to show the same: all designs by their names, each between its limits, on the plant as the knobs left
-       it. */
+    /* Return the same state for the lab: all designs by name with their limits, on the present plant. */
     forLab(shown) {
       const { sampleTime, noise } = { ...this.state.conditions, ...shown[0].design.conditions };
       const designs = shown.map(({ name, design: { conditions, ...design } }) => {

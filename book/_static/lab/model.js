@@ -1,7 +1,7 @@
 /* Model of the lab and the live figures: plants, controllers in standard form, rules, and all numbers of a design.
 
    A design is {kind, kp, ti, td, ta, filterTime, filterOrder}: kp (1 + 1/(ti s) + td s + ta s^2) / (1 + filterTime s)^filterOrder.
-   It needs engine.js alone, and optimum.js for the rule of that name, and knows nothing of a page. */
+   It needs engine.js, and optimum.js for the rule of that name, and does not depend on a page. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, simulateSampled, margins, frequencyResponse, sampledResponse, roots, remembering, solve, zero, summit } = globalThis.pidalabEngine;
@@ -13,7 +13,7 @@
   };
   const lags = (order, lag = 1) => Array.from({ length: order }).reduce((den) => multiply(den, [lag, 1]), [1]);
 
-  /* Plants of the papers; `end` is a time by which a good loop is at rest. */
+  /* Plants of the papers. `end` is a time by which a good loop is at rest. */
   const PLANTS = {
     "lags3": { name: "1/(s+1)³, dead time 1", num: [1], den: lags(3), delay: 1, end: 40 },
     "unequal": { name: "1/((5s+1)(s+1)(0.5s+1)), dead time 0.5", num: [1], den: multiply([5, 1], multiply([1, 1], [0.5, 1])), delay: 0.5, end: 40 },
@@ -48,7 +48,7 @@
     };
   }
 
-  /* Absolute area between the set point and y, a trapezoid cut where the error changes its sign. */
+  /* Return the absolute area between the set point and y, with trapezoids split where the error changes its sign. */
   function iae(t, y, setpoint) {
     let sum = 0;
     for (let k = 1; k < t.length; k++) {
@@ -69,8 +69,8 @@
   const REMEMBERED = 20, NOISE_SAMPLES = 100; // samples of the noise in an ultimate period
   const integratorsOf = ({ den }) => den.length - 1 - den.findLastIndex((c) => c !== 0);
 
-  /* Lowest frequency at which the phase of the plant, followed from rest, falls below -180 degrees, or null: see
-     pidalab.reduction.ultimate_frequency. Each factor 1 - jw/root stays in one half plane, so its angle is continuous. */
+  /* Return the lowest frequency at which the phase of the plant, relative to zero frequency, falls below -180 degrees, or null
+     (see pidalab.reduction.ultimate_frequency). Each factor 1 - jw/root stays in one half plane, so its angle is continuous. */
   function ultimateFrequency({ num, den, delay }) {
     const zeros = roots(num).filter(([re, im]) => re || im), all = roots(den), poles = all.filter(([re, im]) => re || im);
     const onAxis = ([re, im]) => Math.abs(re) <= 1e-9 * Math.hypot(re, im), integrators = all.length - poles.length;
@@ -82,7 +82,7 @@
     const phase = (w) => turn(zeros, w) - turn(poles, w) - delay * w - (integrators * Math.PI) / 2;
     const speeds = [...zeros, ...poles].map(([re, im]) => Math.hypot(re, im)).concat(delay ? [1 / delay] : []);
     if (!speeds.length) return null;
-    const sign = -Math.sign(gainOf({ num, den })); // the roots count the turns, the plant itself has the digits
+    const sign = -Math.sign(gainOf({ num, den })); // the roots give the number of turns, the plant the exact angle
     const beyond = (w) => { const { re, im } = frequencyResponse({ process: { num, den, delay }, controller: { gains: [0, 1] }, w: [w] }); return Math.atan2(sign * im[0], sign * re[0]); };
     const jump = Math.min(Infinity, ...zeros.filter(onAxis).map(([, im]) => Math.abs(im)));
     let before = 1e-4 * Math.min(...speeds);
@@ -94,9 +94,9 @@
     return null;
   }
 
-  /* Sample time of measurement noise and unit of the noise gain, as pidalab.noise_scale has them: a hundredth of the
-     ultimate period, and the ultimate gain. Without an ultimate period the sum of time constants and dead time takes its
-     place, and 1/|gain at rest|. NaN for a plant without any time. */
+  /* Return sample time of measurement noise and unit of the noise gain, as pidalab.noise_scale: a hundredth of the ultimate
+     period, and the ultimate gain. Without an ultimate period use the sum of time constants and dead time, and
+     1/|static gain|. NaN for a plant without any time constant or dead time. */
   const noiseScale = remembering(REMEMBERED, ({ num, den, delay }) => {
     const process = { num, den, delay }, w = ultimateFrequency(process);
     if (w) {
@@ -109,8 +109,8 @@
 
   const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples of an impulse response, and the share of its squares in the second half
 
-  /* Standard deviation of u for white measurement noise of standard deviation 1 that is held for a sample: the root of the
-     sum of squares of what one sample of it does. NaN where that does not fade. */
+  /* Return the standard deviation of u for held white measurement noise of standard deviation 1, the root of the sum of squares
+     of the response to one sample. NaN if that does not decay. */
   function noiseGainOf(process, own, sampleTime, method) {
     for (let samples = Math.max(FIRST_TAIL, Math.ceil((4 * process.delay) / sampleTime)); samples <= LONGEST_TAIL; samples *= 2) {
       const noise = new Float64Array(samples);
@@ -124,8 +124,8 @@
     return NaN;
   }
 
-  /* The noise gain with a sample time of its own: the controller as designed or, where its filter is faster than a sample or
-     the loop does not bear to be sampled so, its differences. */
+  /* Return the noise gain with a sample time. If the filter is faster than a sample, or the sampled loop is unstable, the
+     controller is discretised by differences. */
   function noiseGainAt(process, design, sampleTime) {
     if (!(sampleTime > 0) || atOnce(process)) return NaN;
     const own = controller(design), held = own.filterTime > 0 && own.filterTime < sampleTime ? NaN : noiseGainOf(process, own, sampleTime, "held");
@@ -148,8 +148,8 @@
 
   const MOST_SAMPLES = 6e5, LONG = 8;
 
-  /* The slowest time of a loop: of its dead time, filter and plant, and of the closed loop without dead time and filter,
-     which is what slow poles see. */
+  /* Return the slowest time constant of dead time, filter, plant, and the closed loop without dead time and filter, which
+     determines slow poles. */
   function slowest({ num, den, delay }, { gains: [ki, kp, kd, ka], filterTime }) {
     const top = multiply(num, [ka, kd, kp, ki]), bottom = [...den, 0], size = Math.max(top.length, bottom.length);
     const at = (values, k) => values[k - size + values.length] ?? 0;
@@ -170,10 +170,9 @@
     return y;
   }
 
-  /* Ms and mks of a loop with a digital controller, from sample to sample.
-     Stable is a loop whose impulse response fades, and unstable one that grows, after
-     its slowest time: one that does so slowly is followed for longer, and of one that takes more than 600000 samples it is
-     unknown. */
+  /* Return Ms and mks of a loop with a digital controller, at the samples. The loop is stable if its impulse response decays
+     after its slowest time, and unstable if it grows. If that takes long, more samples are used. Beyond 600000 samples the
+     result is unknown. */
   function sampledMargins({ process, controller: own, sampleTime, end }, curve = sampledResponse({ process, controller: own, sampleTime })) {
     const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false, unknown: false };
     let span = Math.max(Math.min(3 * end, 8000 * sampleTime), LONG * slowest(process, own)), grew = false, s, third;
@@ -184,7 +183,7 @@
       const [first, middle, last] = [0, 1, 2].map((k) => largest(s.slice(k * third, (k + 1) * third)));
       if (last < 0.1 * middle || last < 1e-6 * first) break;
       if (!(last < middle) && grew) return none;
-      grew = !(last < middle); // a single rise may be a beat
+      grew = !(last < middle); // a single rise may be due to a beat
       span *= 2;
     }
     const gain = (which, { re, im, control }, k) => (which ? control[k] : 1) / Math.hypot(1 + re[k], im[k]), { w } = curve;
@@ -198,8 +197,8 @@
     return { ...none, ms, mks, stable: true };
   }
 
-  /* Phase margin where the loop gain first falls through 1, in degrees, and the top of |L| where it has risen again beyond:
-     what a look at the usual frequencies tells, and what it misses. */
+  /* Return the phase margin at the first gain crossover, in degrees, and the largest |L| at higher frequencies, which a plot of
+     the usual frequencies does not show. */
   function beyondCrossover(process, own, { w, size: sizes } = frequencyResponse({ process, controller: own })) {
     const at = (x) => { const { re, im, size } = frequencyResponse({ process, controller: own, w: [x] }); return { phase: (Math.atan2(im[0], re[0]) * 180) / Math.PI, size: size[0] }; };
     const below = sizes.findIndex((x, k) => k && x < 1 && sizes[k - 1] >= 1);
@@ -222,7 +221,7 @@
   });
 
   const LEAST_OVERSHOOT = 5e-5; // smaller values are rounding or the end of a slow rise
-  const PER_PERIOD = 20, MOST_POINTS = 40000; // of a response, in an ultimate period and in all
+  const PER_PERIOD = 20, MOST_POINTS = 40000; // number of points of a response, per ultimate period and in total
 
   /* Refuse responses whose area under y is wrong. It is known from the integral gain, since at rest u is the integral. */
   function requireShown({ gains: [ki] }, { t, y, u }) {
@@ -272,10 +271,10 @@
 
   // --- rules --------------------------------------------------------------------------------------------------------
 
-  /* Largest gain with which a loop of given shape keeps the maximum sensitivity: at each frequency the gains k with
-     |1 + k L| < 1/ms lie between the roots of a quadratic equation. All frequencies together leave gaps, and the upper
-     end of a gap in which the loop is stable is what is looked for. Its sign is that of the plant at rest; an unstable plant
-     may need the other. */
+  /* Return the largest gain with which a loop of given shape keeps the maximum sensitivity. At each frequency the gains k with
+     |1 + k L| < 1/ms lie between the roots of a quadratic equation. Gaps remain between the intervals of all frequencies, and
+     the result is the upper end of a gap in which the loop is stable. The gain has the sign of the static gain of the plant;
+     an unstable plant may need the other sign. */
   function gainForMs(process, design, ms) {
     const sign = Math.sign(gainOf(process));
     const found = gainOfSign(sign, process, design, ms) ?? gainOfSign(-sign, process, design, ms);
@@ -320,21 +319,21 @@
   /* Return the gain of a plant, without its integrator. */
   const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
 
-  /* Lags of a plant, the slowest first, and whether it integrates; the rules below need them real and stable. */
+  /* Return the lags of a plant, the slowest first, and true if it integrates. The rules below need real, stable lags. */
   function realLags({ den }) {
     let rest = den.slice(), integrating = false;
     if (rest.length > 1 && rest[rest.length - 1] === 0) { integrating = true; rest = rest.slice(0, -1); }
     if (rest[rest.length - 1] === 0) throw new RangeError("this rule needs at most one integrator");
-    // den = c ∏ (1 + T s): the lags are minus the roots of the reversed polynomial
+    // With den = c ∏ (1 + T s) the lags are minus the roots of the reversed polynomial.
     const found = rest.length > 1 ? roots(rest.slice().reverse()) : [];
     const size = Math.max(0, ...found.map(([re, im]) => Math.hypot(re, im)));
-    // Rounding spreads a lag of order n over a small circle; a truly oscillating pair is far from the axis.
+    // Rounding spreads a lag of order n over a small circle, while an oscillating pair is far from the axis.
     if (found.some(([re, im]) => -re <= 0 || Math.abs(im) > 0.05 * size)) throw new RangeError("this rule needs real, stable lags");
     return { lags: found.map(([re]) => -re).sort((a, b) => b - a), integrating };
   }
 
-  /* Skogestad's half rule: a model with `keep` lags; half of the next lag goes to the last kept one, half to the dead
-     time, and so do all smaller lags and a zero in the right half plane. */
+  /* Reduce a plant to `keep` lags by Skogestad's half rule. Half of the next lag is added to the last kept one. The other half,
+     all smaller lags and a zero in the right half plane are added to the dead time. */
   function halfRule(process, keep) {
     const { lags: found, integrating } = realLags(process);
     const own = found.slice(0, keep), rest = found.slice(keep);
@@ -348,7 +347,7 @@
     return { lags: own, delay, integrating };
   }
 
-  /* SIMC (Skogestad 2003): PI from one lag, PID (in series form, given as standard form) from two; tc is the wanted
+  /* SIMC (Skogestad 2003): PI for one lag, PID (in series form, returned in standard form) for two. tc is the wanted
      closed-loop time constant. */
   function simc(process, design, tc) {
     const order = ORDER[design.kind];
@@ -367,8 +366,8 @@
 
   const integratingOf = ({ den }) => den.length > 1 && den[den.length - 1] === 0;
 
-  /* Cancellation (haalman2024): the controller's zeros are the model's poles, the gain follows from Ms. The model has as
-     many lags as the controller has zeros, by the half rule. */
+  /* Cancellation (haalman2024): the zeros of the controller are the poles of the model, and Ms determines the gain. The half
+     rule reduces the model to as many lags as the controller has zeros. */
   function cancelling(process, design) {
     if (integratingOf(process)) throw new RangeError("cancellation needs a plant that does not integrate");
     const keep = ORDER[design.kind] + 1, model = halfRule(process, keep).lags;
@@ -379,9 +378,9 @@
 
   const byMs = (process, shape, ms) => ({ ...shape, kp: gainForMs(process, shape, ms) });
 
-  /* The first terms of P(s)/(1 + filterTime s)^filterOrder as a power series in s. */
+  /* Return the first terms of P(s)/(1 + filterTime s)^filterOrder as a power series in s. */
   function series({ num, den, delay }, { filterTime, filterOrder }, count) {
-    const up = (values, k) => values[values.length - 1 - k] ?? 0; // coefficient of s^k of descending powers
+    const up = (values, k) => values[values.length - 1 - k] ?? 0; // coefficient of s^k
     const terms = [];
     for (let k = 0; k < count; k++) {
       let value = up(num, k);
@@ -426,8 +425,8 @@
 
   const factorial = (k) => (k < 2 ? 1 : k * factorial(k - 1));
 
-  /* Numerator c0 + c1 x + ... of the controller over x that puts m + 3 poles of the loop at one place, x = s times the dead
-     time: huba2018, eq. (6) and Table I. */
+  /* Return the numerator c0 + c1 x + ... of the controller over x that puts m + 3 poles of the loop at one place, with
+     x = s times the dead time (huba2018, eq. (6) and Table I). */
   function multiplePole(m) {
     const mu = Math.sqrt(m + 2), a = mu * mu - mu;
     return Array.from({ length: m + 2 }, (_, j) => {
@@ -439,18 +438,18 @@
 
   const SHORT = "this rule makes no stable loop with so short a filter: take a longer one";
 
-  /* Return the design for the numbers c0, c1, ..., which hold for a dead time and a gain of 1. */
+  /* Return the design for the numbers c0, c1, ..., which are for a dead time and a gain of 1. */
   const dimensioned = (design, velocity, delay, [c0, c1, c2 = 0, c3 = 0]) => ({ ...design, kp: c1 / (velocity * delay), ti: (c1 / c0) * delay, td: (c2 / c1) * delay, ta: (c3 / c1) * delay * delay });
 
-  /* Multiple real dominant pole (huba2018): the filter stands for a dead time T_e, of eq. (11) and Table II. */
+  /* Multiple real dominant pole (huba2018): a dead time T_e represents the filter, eq. (11) and Table II. */
   function dominantPole(process, design) {
     const { velocity, delay } = integratorOf(process), m = ORDER[design.kind], { filterTime, filterOrder: n } = controller(design), mu = Math.sqrt(m + 2);
     const pole = (m + 2) * (n + 1) - Math.sqrt((m + 2) * (n + 1) * (n - m)), ratio = pole / ((n + 1) * (n + 2) * (mu * mu - mu));
     return dimensioned(design, velocity, delay + filterTime / ratio, multiplePole(m));
   }
 
-  /* Automatic reset (huba2024): PI and PID by the multiple pole; PIDA_1 with a double real zero, of which one is the reset,
-     eqs. (26) to (29). The dead time is that of the plant and n T_f, eqs. (10) and (11). */
+  /* Automatic reset (huba2024): PI and PID by the multiple pole, PIDA_1 with a double real zero, one of which is the reset,
+     eqs. (26) to (29). The dead time is that of the plant plus n T_f, eqs. (10) and (11). */
   function automaticReset(process, design) {
     const { velocity, delay } = integratorOf(process), m = ORDER[design.kind], { filterTime, filterOrder } = controller(design), c = multiplePole(m);
     if (m < 2) return dimensioned(design, velocity, delay + filterOrder * filterTime, c);
@@ -460,8 +459,8 @@
     return dimensioned(design, velocity, delay + filterOrder * filterTime, [kp / short, kp + kd / short, kd + ka / short, ka]);
   }
 
-  /* Least ITAE (heo2023) for a second-order model with dead time, as pidalab.rules.itae reads the tables; the plant itself, or
-     its two lags by the half rule. Its gains, with the filter of the lab. */
+  /* Least ITAE (heo2023) for a second-order model with dead time, with the tables as read in pidalab.rules.itae. The model is
+     the plant itself, or its two lags by the half rule. The filter is that of the lab. */
   function itae(process, design, load) {
     const order = ORDER[design.kind], { num, den } = process;
     if (!order) throw new RangeError("this rule has no PI");
@@ -496,8 +495,8 @@
     r < 0.4 ? 2.2122 * r ** 0.52 - 0.3 : -0.975 + 0.91 * (r - 1.845) ** 2 - Math.expm1(-xi / (0.15 + 0.33 * r)) * (5.25 - 0.88 * (r - 2.8) ** 2),
     -1.9 + 1.576 * r ** -0.53 - Math.expm1(-xi / (-0.15 + 0.939 * r ** -1.121)) * (1.45 + 0.969 * r ** -1.171)];
 
-  /* By name: what it is called, the knob it has, and the design it makes of a plant, a design and the knob. A rule whose gain
-     is looked for or tested has its `shape` without that. */
+  /* For each rule: its name, its knob, and a function that makes a design from a plant, a design and the knob. A rule whose
+     gain is searched or tested has a `shape`, the design before that. */
   const RULES = {
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
     optimum: {
@@ -516,11 +515,11 @@
 
   // --- equal terms --------------------------------------------------------------------------------------------------
 
-  const LONGEST = 1 / 4, RUNGS = 24; // filter times over the end of the time axis; the shortest is a sample of the noise
+  const LONGEST = 1 / 4, FILTER_TIMES = 24; // longest filter time over the end of the time axis (the shortest is a sample of the noise); number of filter times
   const MET = 2e-4, CLOSE = 0.05; // tolerances of the noise limit, in logarithms
 
-  /* Largest gain of a shape with Ms, the upper end of the first gap, and the noise gain with it: quick, and
-     within a few hundredths. Where the dead time turns too far from one frequency to the next every phase is taken to occur. */
+  /* Estimate the largest gain of a shape with Ms, the upper end of the first gap, and the noise gain with it, within a few
+     hundredths. If the dead time turns too far from one frequency to the next, every phase is assumed to occur. */
   function roughly(process, shape, ms, w, sampleTime) {
     const own = controller({ ...shape, kp: Math.sign(gainOf(process)) }), { re, im, control } = frequencyResponse({ process, controller: own, w });
     const size = w.map((_, k) => Math.hypot(re[k], im[k])), wide = process.delay * (w[1] / w[0] - 1);
@@ -528,11 +527,11 @@
       const along = wide * x > 1 ? -size[k] : re[k], root = along * along - size[k] * size[k] * (1 - 1 / (ms * ms));
       return along < 0 && root >= 0 ? [-1, 1].map((sign) => (-along + sign * Math.sqrt(root)) / (size[k] * size[k])) : null;
     });
-    // two integrators in a row forbid small gains by the slowest frequencies, until there is lead
+    // With two integrators the lowest frequencies exclude small gains, up to the frequency where there is lead.
     const slow = forbidden.indexOf(null), least = Math.max(0, ...forbidden.slice(0, slow).map(([, high]) => high));
     const gain = Math.min(...forbidden.slice(slow).filter(Boolean).map(([low]) => low));
     if (slow < 0 || (slow > 0 && im[slow] > 0) || !(gain > least)) throw new RangeError(`no gain gives this shape a stable loop with a maximum sensitivity of ${ms}`);
-    let variance = 0; // the spectrum of noise that is held, up to half the sampling frequency
+    let variance = 0; // spectrum of held noise, up to half the sampling frequency
     w.forEach((x, k) => {
       if (!k || x > Math.PI / sampleTime) return;
       const held = (x * sampleTime) / 2, u = (gain * control[k] * Math.sin(held)) / held / Math.max(wide * x > 1 ? 1 - gain * size[k] : Math.hypot(1 + gain * re[k], gain * im[k]), 0.1);
@@ -551,13 +550,13 @@
     return fa > fb ? a : b;
   }
 
-  /* The design of a rule on equal terms, much as pidalab.compare makes it: the ratios of its gains are the rule's, the gain
-     follows from Ms, and the filter is the one with the largest integral gain among those with which the relative noise gain
-     is at most `noise`. */
+  /* Return the design of a rule on equal terms, much as pidalab.compare: the ratios of its gains are those of the rule, Ms
+     determines the gain, and the filter has the largest integral gain among those with a relative noise gain of at most
+     `noise`. */
   const alike = remembering(REMEMBERED, ({ num, den, delay, end }, design, { knob, ms, noise }) => {
     const process = { num, den, delay }, { sampleTime, gain } = noiseScale(process), rule = RULES[design.rule], shapeOf = rule.shape ?? rule.apply;
     if (!(sampleTime > 0)) throw new RangeError("this plant has no time constant and no dead time, from which the sample time of the noise follows");
-    const low = Math.log(sampleTime), high = Math.log(Math.max(LONGEST * end, 4 * sampleTime)), rung = (high - low) / RUNGS;
+    const low = Math.log(sampleTime), high = Math.log(Math.max(LONGEST * end, 4 * sampleTime)), rung = (high - low) / FILTER_TIMES;
     const shapeAt = (x) => shapeOf(process, { ...design, filterTime: Math.exp(x) }, knob);
     const w = Array.from({ length: 351 }, (_, k) => (0.1 / end) * Math.pow(10, k / 50));
     let refused = null;
@@ -566,12 +565,12 @@
       try {
         const shape = shapeAt(x), found = roughly(process, shape, ms, w, sampleTime), loud = Math.log(found.noise / (noise * gain));
         return loud > 0 ? -loud : found.gain / shape.ti;
-      } catch (error) { // some rules refuse this filter
+      } catch (error) { // some rules do not accept this filter
         refused = error;
         return -Infinity;
       }
     };
-    const worths = Array.from({ length: RUNGS + 1 }, (_, k) => worth(low + k * rung)), best = worths.indexOf(Math.max(...worths));
+    const worths = Array.from({ length: FILTER_TIMES + 1 }, (_, k) => worth(low + k * rung)), best = worths.indexOf(Math.max(...worths));
     if (!(worths[best] > 0)) throw worths[best] > -Infinity ? new RangeError("no filter makes it as quiet as this noise limit: allow more") : refused;
     let x = best && highest(worth, low + (best - 1) * rung, Math.min(low + (best + 1) * rung, high)), made, slope = -Math.max(ORDER[design.kind], 1), before;
     if (!best) x = low;
@@ -593,7 +592,7 @@
   const PLAIN = String.raw`(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:e[-+]?\d+)?`, SPACE = String.raw`\s*`;
   const TOKEN = new RegExp(`${SPACE}(?:(${PLAIN})|(pi|π|e(?![a-z])|exp|sqrt|ln|log10|[-+*/^()]|\\*\\*))`, "iy");
 
-  /* Read a number as people write it: 2.5, 2,5, 5/2, 1+2.5, 2^3, exp(-1), 1/e, 36.8 %, 8.4 dB. Return NaN for anything else. */
+  /* Read a number in a usual notation: 2.5, 2,5, 5/2, 1+2.5, 2^3, exp(-1), 1/e, 36.8 %, 8.4 dB. Return NaN for other text. */
   function readNumber(entered) {
     if (typeof entered === "number") return entered;
     const text = String(entered ?? "").trim().replace(/[−–]/g, "-").replace(/[·×]/g, "*"), unit = /(%|dB)$/i.exec(text)?.[1];

@@ -1,4 +1,4 @@
-/* A plant record of a text file: read as the library's reader reads it, and a model fitted to it by least squares. */
+/* Read a plant record from text, as the library does, and fit a model to it by least squares. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { respond } = globalThis.pidalabEngine;
@@ -7,9 +7,9 @@
   const MISSING = /^(|nan|na|n\/a|null|none|-|bad|bad input|no data|#n\/a|\?)$/i;
 
   const MARKS = [";", "\t", ",", "|", /\s+/];
-  const LONGEST_LINE = 20000, LONGEST_ENTRY = 60, LOOKED_AT = 100; // characters, characters, rows at either end
+  const LONGEST_LINE = 20000, LONGEST_ENTRY = 60, LOOKED_AT = 100; // characters of a line and of an entry, rows that are inspected at both ends
 
-  /* Seconds of a clock or a date, or NaN. */
+  /* Return a time or a date in seconds, or NaN. */
   function stamp(text) {
     const clock = /^(\d+):(\d\d):(\d\d(?:\.\d+)?)$/.exec(text), day = /^(\d\d?)\.(\d\d?)\.(\d{4})[ T](.*)$/.exec(text);
     if (!/\d[:.-]\d/.test(text)) return NaN;
@@ -18,8 +18,8 @@
     return Date.parse(iso) / 1000;
   }
 
-  /* An entry as a number, NaN where it is missing, undefined where it is neither. A comma is a decimal one unless commas
-     divide the columns. */
+  /* Return an entry as a number, NaN if it is missing, undefined if it is neither. A comma is a decimal comma unless commas
+     separate the columns. */
   function number(entry, comma) {
     if (entry.length > LONGEST_ENTRY) return undefined;
     const plain = entry.replace(/["']/g, "").trim();
@@ -30,8 +30,8 @@
     return Number.isNaN(time) ? undefined : time;
   }
 
-  /* The rows of a table, divided by the mark that makes the most columns of numbers and the fewest others, and the names of
-     its columns: the last line of words above the numbers. */
+  /* Return the rows of a table and the names of its columns. The separator is the mark that gives the most columns of numbers
+     and the fewest others, and the names are the last line of words above the numbers. */
   function table(lines) {
     const long = lines.find((line) => line.length > LONGEST_LINE);
     if (long) throw new RangeError(`a line has ${long.length} characters; a record has at most ${LONGEST_LINE} in each`);
@@ -48,8 +48,8 @@
     return { rows: best, names: words.length === width ? words : Array.from({ length: width }, (_, k) => `column ${k + 1}`), named: words.length === width };
   }
 
-  /* Times, inputs and outputs: the columns chosen, else the first three, or two of time and output after a unit step at the
-     first time. Rows with a missing value there are left out, times sorted, equal ones averaged. */
+  /* Return times, inputs and outputs from the chosen columns, by default the first three, or time and output after a unit step
+     at the first time. Rows with a missing value are left out, times are sorted, and values at equal times are averaged. */
   function readRecord(text, chosen = [0, 1, 2]) {
     const lines = text.split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
     if (!lines.length) throw new RangeError("the file is empty");
@@ -71,7 +71,7 @@
     return { t, u, y, columns, names, named, missing: lines.length - usable.length - Math.max(rows.findIndex((row) => row.some(Number.isFinite)), 0) };
   }
 
-  /* Least value by the simplex of Nelder and Mead. */
+  /* Minimise by the simplex method of Nelder and Mead. */
   function simplex(f, start, size, turns = 250) {
     let points = [start, ...start.map((_, j) => start.map((v, k) => v + (j === k ? size : 0)))].map((x) => ({ x, f: f(x) }));
     for (let turn = 0; turn < turns; turn++) {
@@ -86,18 +86,20 @@
     return points.sort((a, b) => a.f - b.f)[0];
   }
 
-  const MOST = 800; // samples of a fit
-  const NEGLIGIBLE = 2e-3; // share of all times below which a lag or a dead time is left out
-  /* Structures, from unknowns that are free: logarithms of times, and a share or a damping. */
+  const MOST = 800; // number of samples of a fit
+  const NEGLIGIBLE = 2e-3; // a lag or a dead time below this share of all times is left out
   const share = (x) => 1 / (1 + Math.exp(-x));
+  /* Structures, the simplest first, so that noise does not add lags. The unknowns are unbounded: logarithms of times, and a
+     share or a damping. */
   const STRUCTURES = [
+    { name: "a lag and a dead time", from: [], own: ([t]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 1, integrating: false }) },
     { name: "lags and a dead time", from: [0, -1], own: ([t, s, r]) => ({ t1: Math.exp(t), t2: Math.exp(t) * share(s), t3: Math.exp(t) * share(s) * share(r), damping: 1, integrating: false }) },
     { name: "an integrator, a lag and a dead time", from: [], own: ([t]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 1, integrating: true }) },
     { name: "an oscillating pair and a dead time", from: [0], own: ([t, s]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 0.02 + 0.97 * share(s), integrating: false }) },
   ];
 
-  /* The model of least squares: the simplest structure, unless another one leaves a tenth less. Gain and level at rest are
-     linear in it; dead time and times by a search from several starts. */
+  /* Return the least-squares model, with the simplest structure unless another one reduces the residual by a tenth. Gain and
+     rest level follow by linear regression, dead time and time constants by a search from several starts. */
   function fit({ t, u, y }) {
     const span = t[t.length - 1], steps = t.slice(1).map((x, k) => x - t[k]).sort((a, b) => a - b), h = Math.max(steps[steps.length >> 1], span / MOST);
     const grid = Array.from({ length: Math.floor(span / h + 1e-9) + 1 }, (_, k) => k * h), input = [], output = [];
@@ -127,9 +129,9 @@
       if (!best || found.rest < 0.9 * best.rest) best = found;
     }
     if (!Number.isFinite(best.rest)) throw new RangeError("no model fits this record");
-    // a lag or a dead time that no sample can show is none of the model
+    // A lag or a dead time that is too short for the samples is left out.
     const together = best.own.t1 + best.own.t2 + best.own.t3 + best.own.delay;
-    for (const lag of ["t2", "t3", "delay"]) if (best.own[lag] < NEGLIGIBLE * together) best.own[lag] = 0;
+    for (const lag of [...(best.own.integrating ? ["t1"] : []), "t2", "t3", "delay"]) if (best.own[lag] < NEGLIGIBLE * together) best.own[lag] = 0;
     const whole = output.reduce((sum, value) => sum + value, 0) / output.length, total = output.reduce((sum, value) => sum + (value - whole) ** 2, 0);
     return { own: best.own, name: best.structure.name, t: grid, fitted: Array.from(best.fitted), sigma: Math.sqrt(best.rest / output.length), explained: 1 - best.rest / total, span: Math.max(...moved) - Math.min(...moved, 0), h };
   }

@@ -1,6 +1,6 @@
-/* Tasks: a <div class="pidalab-task"> with its data in a script gets fields, a button and the word of the judge. After the
-   second try that misses the hint unfolds, after the third the answer. What was entered and solved stays in the browser.
-   A <div class="pidalab-steps"> shows one of its tasks at a time. */
+/* Tasks: a <div class="pidalab-task"> with its data in a script gets fields, a button and a verdict. The hint unfolds after
+   the second wrong try, the answer after the third. Entries and solved tasks are stored in the browser. A
+   <div class="pidalab-steps"> shows one of its tasks at a time. */
 (function () {
   "use strict";
   const { judge } = globalThis.pidalabJudge;
@@ -8,7 +8,7 @@
   const { element, marked, show } = globalThis.pidalabPlot;
   const HINT_AFTER = 2, ANSWER_AFTER = 3;
 
-  /* Of a field: a letter, its index, and words. */
+  /* For each field a letter, its index, and words. */
   const FIELDS = {
     answer: ["", "", "Your answer"], kp: ["k", "p", "gain"], ti: ["t", "i", "integral time"], td: ["t", "d", "derivative time"],
     ta: ["t", "a", "acceleration, a time squared"], Tf: ["T", "f", "filter time"], Tt: ["T", "t", "tracking time"], h: ["h", "", "sample time"],
@@ -16,17 +16,17 @@
     K: ["K", "", "gain of the plant"], t1: ["T", "1", "first lag"], t2: ["T", "2", "second lag, or 0"], t3: ["T", "3", "third lag, or 0"],
   };
 
-  // --- what is kept: a browser may refuse, then a page forgets ------------------------------------------------------
+  // --- storage, which a browser may refuse --------------------------------------------------------------------------
 
   const keyOf = (label) => `pidalab-${label}`;
   function recall(label) {
     try { return JSON.parse(localStorage.getItem(keyOf(label))) ?? {}; } catch { return {}; }
   }
   function keep(label, state) {
-    try { localStorage.setItem(keyOf(label), JSON.stringify(state)); } catch { /* it still works, until the page is left */ }
+    try { localStorage.setItem(keyOf(label), JSON.stringify(state)); } catch { /* entries are then kept until the page is left */ }
   }
 
-  // --- a search takes a second: in a worker -------------------------------------------------------------------------
+  // --- searches, in a worker, since they take a second-------------------------------------------------------------------
 
   const WORK = "onmessage = ({ data: { task, given } }) => postMessage(pidalabJudge.judge(task, given));";
   function judged(task, given) {
@@ -124,7 +124,7 @@
       if (found.right) this.host.dispatchEvent(new CustomEvent("solved", { bubbles: true }));
     }
 
-    /* Say what the judge says, and unfold what may be seen by now. */
+    /* Show the verdict, and unfold hint and answer if they are due. */
     show({ right, refused, busy, say }) {
       const { tries, solved } = this.state, missed = !right && !refused && !busy;
       this.verdict.className = `task-verdict task-${busy ? "busy" : refused ? "refused" : right ? "right" : "wrong"}`;

@@ -1,4 +1,4 @@
-// "Run this page": fetch the engine on a click, let the reader edit and run the cells, show what comes out.
+// "Run this page": fetch the engine on a click, let the reader edit and run the cells, and show their outputs.
 "use strict";
 (() => {
   const here = new URL(".", document.currentScript.src);
@@ -22,7 +22,7 @@
   const reset = button("Reset", () => { cells.forEach(restore); restart("Reset. All cells are as printed."); }, true);
   const bar = el("div", { className: "pidalab-run-bar" }, begin, all, stop, reset, progress, status);
 
-  /** Return the bytes of one file, unpacked if its name ends with .gz. What was fetched stays in the browser's cache. */
+  /** Return the bytes of one file, unpacked if its name ends with .gz. The browser's cache keeps fetched files. */
   async function fetched(store, url, count) {
     const answered = async () => {
       const response = await fetch(url);
@@ -32,7 +32,7 @@
     const counted = () => new TransformStream({ transform(part, out) { count(part.length); out.enqueue(part); } });
     let kept = await store?.match(url);
     if (!kept && store) {
-      // written first and read again, so that no second copy waits in memory
+      // The file is written to the cache and read again, so that memory holds only one copy.
       await store.put(url, new Response((await answered()).body.pipeThrough(counted()))).catch(() => null);
       kept = await store.match(url);
     } else if (kept) count(Number(kept.headers.get("content-length")));
@@ -57,7 +57,7 @@
       status.textContent = `Fetching ${stages[stage] ?? "done"}: ${(sum / 1e6).toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
     };
     const part = (name) => fetched(store, address(name), count(name));
-    // one after the other: less memory at once
+    // Files are fetched one after the other, which needs less memory.
     const module = engine?.module ?? await WebAssembly.compileStreaming(
       new Response(await part("python.wasm.gz"), { headers: { "Content-Type": "application/wasm" } }));
     const packages = await new Response(await part("packages.zip")).arrayBuffer();
@@ -65,7 +65,7 @@
     return { module, packages, pack };
   }
 
-  /** Start an interpreter with the files that are here, and enter the page's folder. */
+  /** Start an interpreter with the fetched files, in the folder of the page. */
   async function start() {
     engine = await load();
     status.textContent = "Starting Python …";
@@ -73,7 +73,7 @@
     worker.onmessage = ({ data: [kind, value] }) => kind === "failed" ? waiting.fail(new Error(value)) : waiting.done(value);
     worker.onerror = (event) => waiting.fail(new Error(event.message || "the worker could not start"));
     await ask({ start: { ...engine, base } }, [engine.packages, engine.pack]);
-    engine = { module: engine.module };  // the packed files moved to the worker; they come from the cache again
+    engine = { module: engine.module };  // the packed files were moved to the worker and come from the cache again
     return call("cells", page);
   }
   const ask = (message, moved = []) =>
@@ -102,7 +102,7 @@
     }
   }
 
-  /** Give each cell of the page that shows its code a toolbar; the other cells run before the next one that does. */
+  /** Add a toolbar to each cell that shows its code. The other cells run before the next one with a toolbar. */
   function prepare(sources) {
     const plain = (text) => text.replace(/\s+/g, "");
     const blocks = [...document.querySelectorAll("div.cell > .cell_input pre, div.cell > details .cell_input pre")];
@@ -142,7 +142,7 @@
     cell.output.replaceChildren();
   }
 
-  /** Run a cell, after all cells above it that have not run since they or one above them changed. */
+  /** Run a cell, after all earlier cells that have not run since they, or a cell before them, changed. */
   function runUpTo(number, again = false) {
     if (again) cells[number].ran = false;
     const mine = session;
@@ -180,7 +180,7 @@
     return el("div", {}, image(content, "only-light"), image(dark, "only-dark"));
   }
 
-  /** End the interpreter, whatever it does, and start a new one. */
+  /** Stop the interpreter, and start a new one. */
   async function restart(message) {
     session += 1;
     worker?.terminate();

@@ -1,7 +1,7 @@
-"""A page's cells in the browser: what a notebook's kernel does, for one page and one reader.
+"""Run the cells of a page in the browser, as the kernel of a notebook does.
 
-`worker.js` calls `cells` and `run` and takes what they print, one line of JSON. An output is a pair of a kind (`text`,
-`html`, `svg` or `error`) and its content; a figure has two contents, for a light and a dark page.
+`worker.js` calls `cells` and `run` and reads their output, one line of JSON. An output is a pair of a kind (`text`,
+`html`, `svg` or `error`) and its content. A figure has two contents, for light and dark mode.
 """
 
 import ast
@@ -9,6 +9,7 @@ import contextlib
 import io
 import json
 import linecache
+import logging
 import os
 import sys
 import traceback
@@ -19,7 +20,7 @@ outputs = []
 
 
 class Printed(io.TextIOBase):
-    """What a cell prints, joined as long as nothing else is shown in between."""
+    """Printed text of a cell, joined until another output is shown."""
 
     def write(self, text):
         if outputs and outputs[-1][0] == "text":
@@ -30,8 +31,8 @@ class Printed(io.TextIOBase):
 
 
 def show(*values, **_):
-    """Show values as a notebook does: the richest form that each has."""
-    from accessible import repaired  # of the book, as when the page was built
+    """Show values in their richest form, as a notebook does."""
+    from completing import repaired  # of the book, as when the page was built
 
     figures()
     for value in values:
@@ -46,7 +47,7 @@ def show(*values, **_):
 
 
 def both(svg):
-    """Return a figure for a light and for a dark page, in the font of the page."""
+    """Return a figure for light and for dark mode, in the font of the page."""
     from figures_for_dark import FONT, OF_THE_PAGE, darkened
 
     light = FONT.sub(OF_THE_PAGE, svg)
@@ -75,7 +76,7 @@ def figures():
 
 
 def explore():
-    """Let a ledger show a value that moved beside the stored one; outside a page it refuses the run."""
+    """Let a ledger show a changed value with the stored one. Outside a page it raises an error."""
     from paperledger import Ledger, LedgerError, Row
 
     class Moved(Row):
@@ -107,7 +108,7 @@ def cells(page):
 
 
 def run(number, source):
-    """Run a cell and return what it shows; an exception is shown as its traceback."""
+    """Run a cell and return its outputs, for an exception the traceback."""
     outputs.clear()
     name = f"<cell {number + 1}>"
     linecache.cache[name] = len(source), None, source.splitlines(keepends=True), name
@@ -146,7 +147,7 @@ def answer(call):
 
 
 def install():
-    """Stand in for the parts of IPython that pages import."""
+    """Replace the parts of IPython that pages import."""
     display = types.ModuleType("IPython.display")
     display.display = show
     ipython = types.ModuleType("IPython")
@@ -156,4 +157,6 @@ def install():
         (9, 0),
     )
     sys.modules |= {"IPython": ipython, "IPython.display": display}
+    # Matplotlib would warn in the first cell: its check of the temporary folder fails here, though that can be written
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     namespace["display"] = show

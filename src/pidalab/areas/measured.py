@@ -88,7 +88,7 @@ def from_record(
     count: int | None = None,
     start: tuple[float, float] | None = None,
 ) -> MeasuredAreas:
-    r"""Compute the areas from a measured change between steady states; the input may be of any shape in between.
+    r"""Compute the areas from a measured change between steady states. The input may be of any shape in between.
 
     With :math:`\tau` counted from the first move of the input, :math:`\Delta u` and :math:`\Delta y` the whole changes,
     and :math:`u_\infty, y_\infty` the levels at the end, the moments

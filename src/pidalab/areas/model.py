@@ -6,7 +6,7 @@ response h(t), eqs. (4) and (5):
 .. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
 
 The areas of blocks in series are the convolution of their areas. Eq. (7), as read, has :math:`A_1` where the recursion
-needs :math:`A_i`; nothing here depends on it. The areas are computed as exact fractions and rounded once.
+needs :math:`A_i`. Nothing here depends on it. The areas are computed as exact fractions and rounded once.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
 def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int) -> Array:
     """Compute the areas of a process in series with the filter 1/(filter_time s + 1)^filter_order, eq. (8).
 
-    Eq. (8) prints the matrix for one lag; it is applied once for each lag.
+    Eq. (8) prints the matrix for one lag. It is applied once for each lag.
 
     Parameters
     ----------

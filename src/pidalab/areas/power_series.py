@@ -22,7 +22,7 @@ def fractions(values: Iterable[Any]) -> list[Fraction]:
 
 
 def floats(series: Sequence[Fraction]) -> Array:
-    """Return fractions as floats; raise on overflow."""
+    """Return fractions as floats. Raise on overflow."""
     try:
         return np.array(series, dtype=float)
     except OverflowError:
@@ -36,7 +36,7 @@ def product(first: Sequence[Fraction], second: Sequence[Fraction]) -> list[Fract
 
 
 def quotient(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> list[Fraction]:
-    """Return the quotient of two series, as long as the shorter one; the divisor must not start with 0."""
+    """Return the quotient of two series, as long as the shorter one. The divisor must not start with 0."""
     result: list[Fraction] = []
     for k in range(min(len(numerator), len(denominator))):
         known = sum((denominator[k - i] * result[i] for i in range(k)), Fraction(0))
@@ -68,7 +68,7 @@ def lagged(series: Sequence[Fraction], lag: float, order: int) -> list[Fraction]
 
 
 def solve(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction] | None:
-    """Solve a square system exactly; return None if the matrix is singular."""
+    """Solve a square system exactly. Return None if the matrix is singular."""
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
     size = len(rows)
     for i in range(size):

@@ -52,7 +52,7 @@ class Controller(Block):
     """
 
     proportional: tuple[str, ...] = ()
-    limits: tuple[float, float] = (-math.inf, math.inf)  # of the control signal
+    limits: tuple[float, float] = (-math.inf, math.inf)  # limits of the control signal
 
     def automatic_reset(self) -> AutomaticReset | None:
         """Return the automatic reset of the controller, or None if an integrator makes the integral action.
@@ -236,7 +236,7 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define gains")
 
     def __call__(self, s: ArrayLike) -> Any:
-        """Evaluate the filtered controller at complex s; raise ValueError on overflow."""
+        """Evaluate the filtered controller at complex s. Raise ValueError on overflow."""
         return quotient(*fraction_at(*self.fraction(), s))
 
     def __str__(self) -> str:

@@ -37,7 +37,7 @@ class DigitalController(Parameters):
     The first call of ``step`` starts without a bump: the control signal is `bias`, and the filters rest. (A controller
     without integral action starts with its own signal.) In manual mode the control signal is the given one, and the
     integral tracks it. A sample with an invalid signal is skipped, and the control signal holds. ``step`` keeps its
-    states in the object; simulations have states of their own.
+    states in the object. Simulations have states of their own.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ class DigitalController(Parameters):
         track: float | None = None,
         feedforward: float = 0.0,
     ) -> float:
-        """Advance by one sample; runs what `python` writes, and C and structured text repeat.
+        """Advance by one sample, as the written code in Python, C and structured text does.
 
         The first call starts without a bump: it returns `bias`, and filters and integral rest at the given signals.
         `pidalab.simulate_sampled` starts from rest at the working point instead. For the same start here, call

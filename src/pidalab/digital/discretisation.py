@@ -158,7 +158,7 @@ def discretise(
                 f"b = {b:g} with c = {c:g} leaves the set point no effect without integral action"
             )
         if tunable and not ki:
-            raise ValueError("tunable must be False without integral action, which is what takes up a bump")
+            raise ValueError("tunable must be False without integral action, which absorbs the bump")
         growth = (ki * h * METHOD_WEIGHTS[method][0], ki * h * METHOD_WEIGHTS[method][1])
         taken_back = _back_calculation_gain(parts, h, anti_windup, tracking_time) if ki else 0.0
         tracking_gain = taken_back or 1.0

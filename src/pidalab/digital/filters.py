@@ -11,8 +11,8 @@ It keeps its static gain in single precision, too. Derivatives are differences a
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
 the j-th difference of the last states. Lags of different time constants, as of a part behind an output filter, make the
-same chain, with differences of lower order in parallel. That holds for a substitution of s, which is what *backward*
-and *tustin* are. *zoh*, exact for an input that is held, has the same differences with other gains.
+same chain, with differences of lower order in parallel. That holds for *backward* and *tustin*, which substitute s.
+*zoh*, exact for a held input, has the same differences with other gains.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            integral of e over a sample
@@ -31,7 +31,7 @@ set point, and :math:`\dot x = A (x - r)`. Each method moves them by their dista
 and the filter keeps its static gain of 1 in single precision, too.
 
 =========  ====================================  =================================
-method     M                                     what they move towards, v_k
+method     M                                     target v_k
 =========  ====================================  =================================
 backward   :math:`(1 - hA)^{-1}\,hA`             :math:`r_k`
 tustin     :math:`(1 - hA/2)^{-1}\,hA`           :math:`(r_k + r_{k-1})/2`
@@ -178,7 +178,7 @@ def _lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
 def _by_weight(
     part: FilteredGains, filtered: bool, b: float, c: float
 ) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Split gains by their weight of the set point; return one entry if all weights are 1."""
+    """Split gains by their weight of the set point. Return one entry if all weights are 1."""
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
@@ -206,7 +206,8 @@ def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
     for k, gain in enumerate(others):
         if gain:
             result += gain / (lags[0] ** k if n else 1.0) * level[-1]
-        before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))  # that end at x_(i-1) end at x_i
+        # differences that end at x_(i-1) become differences that end at x_i
+        before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))
         level = (before - level[1:]) * (lags[0] / lags[k:])[:, np.newaxis] if k < n else level
     return result
 
@@ -311,7 +312,7 @@ class Prefilter(NamedTuple):
 
 
 def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilter | None:
-    """Discretise a filter of the set point; return None for a gain of 1."""
+    """Discretise a filter of the set point. Return None for a gain of 1."""
     n = den.size - 1
     if den[-1] == 0 or abs(num[-1] / den[-1] - 1) > UNIT:
         raise ValueError(

@@ -20,7 +20,7 @@ DEFAULTS |= {"feedforward": 0.0, "retuned": False}
 class Language(NamedTuple):
     """Formats of a language for statements and names; ``name`` in a format is the name of the controller."""
 
-    # formats of a note, an assignment, a choice, its other branch, and its end where it has one
+    # formats of a note, an assignment, a choice, its other branch, and its end if the language has one
     statements: tuple[str, ...]
     words: Mapping[str, str]  # words of program expressions that differ in the language
     number: Callable[[float], str]

@@ -10,21 +10,15 @@ from typing import Any
 import numpy as np
 
 from pidalab import _check
-from pidalab.digital.filters import (
-    METHOD_WEIGHTS,
-    METHODS,
-    FilterChain,
-    Prefilter,
-    discrete_prefilter,
-)
+from pidalab.digital.filters import METHOD_WEIGHTS, METHODS, FilterChain, Prefilter, discrete_prefilter
 
 ANTI_WINDUP = ("reset", "back-calculation", "clamping", "conditioning", None)
-DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # of a digital controller
+DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # words for a digital controller
 LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
-LARGEST_PARAMETER = 1e9  # of gains that may change while the controller runs
-LARGEST_CONSTANT = 1e15  # with signals of 1e9 nothing overflows, in single precision either
-MOST_PATHS, MOST_PATH_LAGS = 40, 40  # of a controller and of a path, so that code stays readable
-MOST_CODE_LAGS = 160  # of all paths together, since the code of a path grows with the square of its lags
+LARGEST_PARAMETER = 1e9  # largest gain that may change while the controller runs
+LARGEST_CONSTANT = 1e15  # no overflow with signals of 1e9, not even in single precision
+MOST_PATHS, MOST_PATH_LAGS = 40, 40  # limits for a controller and a path, so that code stays readable
+MOST_CODE_LAGS = 160  # in all paths together, since the code of a path grows with the square of its lags
 SHARE_ROUNDING = 1e-6  # tolerance for the sum of the two coefficients of a lag, which is at most 1
 
 

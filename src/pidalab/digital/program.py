@@ -1,4 +1,4 @@
-"""The step of a digital controller as a list of statements, specialised to what the controller has.
+"""The step of a digital controller as a list of statements for its actions and options.
 
 This is the only description of the step. It is written in several languages, run as Python by ``step``, and compiled by
 simulations (`pidalab.simulation.operations`). The order is: check the inputs; prefilter; deadband; filter chains;
@@ -172,7 +172,7 @@ def program(k: Parameters, block: bool = False) -> Program:
 
 
 def _number(name: str, low: str = "-LARGEST_SIGNAL", high: str = "LARGEST_SIGNAL") -> str:
-    """Return the condition that a signal is within bounds; it is false for NaN."""
+    """Return the condition that a signal is within bounds. It is false for NaN."""
     return f"{low} <= {name} and {name} <= {high}"
 
 
@@ -333,7 +333,7 @@ def _at_limit(k: Parameters) -> list[Statement]:
 
 
 def part_name(i: int) -> str:
-    """Return the name of the i-th filter chain in code; the first is part_1."""
+    """Return the name of the i-th filter chain in code. The first is part_1."""
     return f"part_{i + 1}"
 
 
@@ -360,7 +360,7 @@ def _prefilter_constants(prefilter: Prefilter) -> dict[str, float]:
 
 
 def _prefilter_states(prefilter: Prefilter) -> list[str]:
-    """Return the names of the states of a prefilter; the first is the previous set point, if needed."""
+    """Return the names of the states of a prefilter. The first is the previous set point, if needed."""
     return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
 
 

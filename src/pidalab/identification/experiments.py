@@ -178,7 +178,7 @@ def ipdt_tangent(
     r"""Approximate the steepest segment of a step response by an integrator with dead time.
 
     The straight line through the segment has the slope K step, and meets the rest level after the dead time L. The
-    model is :math:`K e^{-Ls}/s`. It describes the beginning of the response; the process may settle later.
+    model is :math:`K e^{-Ls}/s`. It describes the beginning of the response. The process may settle later.
 
     ============  ===========================
     huba2018      result
@@ -394,7 +394,7 @@ def _whole_change(y: Array) -> float:
 
 
 def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> tuple[Array, Array, float]:
-    """Check a step experiment; return the times from the step on, the output and the change of the input."""
+    """Check a step experiment. Return the times from the step on, the output and the change of the input."""
     if is_record(t):
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record: it has its own")
@@ -439,7 +439,7 @@ def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:
 
 
 def _levels_reached(t: Array, y: Array, crossing: str) -> tuple[tuple[float, float, float], float]:
-    """Check a step record; return the times at which it reaches the levels, and its whole change."""
+    """Check a step record. Return the times at which it reaches the levels, and its whole change."""
     _check.choice("crossing", crossing, ("interpolated", "sampled"))
     if t.size < 30:
         raise ValueError(f"y must have at least 30 samples, found {t.size}")

@@ -206,11 +206,7 @@ def least_iae(
 
 
 def _best(
-    process: Process,
-    order: int,
-    limits: Requirements,
-    searches: list[Search],
-    start_design: Design | None,
+    process: Process, order: int, limits: Requirements, searches: list[Search], start_design: Design | None
 ) -> Design | None:
     """Return the best design over several units of time. If no candidate keeps the limits, approach them first.
 
@@ -271,7 +267,7 @@ def _best(
 
 
 def _refusal(searches: list[Search]) -> str:
-    """Return a message on what prevents a design."""
+    """Return a message with the limits that prevent a design."""
     first = searches[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
@@ -341,7 +337,7 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
     info["active"] = (*reached, *none)
     info["edge"] = _edge(search, x)
     info["digits"] = int(-math.log10(max(result.best.step, 1e-9)))
-    # The search has a limited horizon. The first of the valleys is the simulated IAE of this design.
+    # The search has a limited horizon, so the first of the local optima is the simulated IAE of this design.
     scale = info["iae"] / result.valleys[0]
     info["valleys"] = (info["iae"], *(scale * value for value in result.valleys[1:]))
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)

@@ -317,7 +317,7 @@ class SampledNoise:
 
     where :math:`X_i` belongs to :math:`1/(1 + T_F s)^i` and P is the incomplete gamma function. Every action behind the
     filter, and its slope by the filter time, is a sum of these. By Parseval the variance of u is the mean of
-    :math:`|C/(1 + G C)|^2` over the unit circle; the dead time is exact.
+    :math:`|C/(1 + G C)|^2` over the unit circle. The dead time is exact.
     """
 
     def __init__(self, problem: Problem, sample_time: float, density: int = 1) -> None:

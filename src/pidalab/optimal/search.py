@@ -33,8 +33,8 @@ FINE_SAMPLES = 8192  # number of samples of the response for the final IAE
 # The grid of filter times: largest and smallest logarithm, in units of the process, and number.
 SLOWEST_ON_GRID, FASTEST_ON_GRID, GRID_SIZE = 1.0, -5.0, 13
 FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
-LARGEST_GAIN = 1e6  # in units of the process
-SEARCH_HORIZON = 80.0  # in units of time of the process
+LARGEST_GAIN = 1e6  # relative to the unit of gain of the process
+SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the process
 VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
 SPARE = 2e-5  # the search stays below a limit by this share, since peaks may lie between its frequencies
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # relative frequencies around a peak
@@ -83,7 +83,9 @@ class Search:
         """Return the best start at another filter time: last optimum, the same with less derivative, or first start."""
         at, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
-        powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (np.arange(x.size) < at)  # of derivatives
+        powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (
+            np.arange(x.size) < at
+        )  # orders of derivatives
         for start in (first.copy(), *(x * share**powers for share in (1.0, 0.6, 0.3, 0.1))):
             start[at] = filter_time
             value = self.log_iae(start)[0] + np.log1p(VIOLATION_PRICE * self.violation(start, constraints))
@@ -167,7 +169,7 @@ class Search:
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
     def look_at(self, peak: float, nearly: bool = False) -> None:
-        """Add frequencies around a peak; with `nearly` only if none is near."""
+        """Add frequencies around a peak, with `nearly` only if none is near."""
         if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
             self.w = np.append(self.w, peak * AROUND)
 
@@ -305,11 +307,7 @@ def relax(search: Search, start: Array) -> Array:
             rows = np.atleast_2d(each.slope(z[:-1]))
             return np.hstack([rows, np.ones((rows.shape[0], 1))])
 
-        return {
-            "type": "ineq",
-            "fun": lambda z: np.atleast_1d(each.value(z[:-1])) + z[-1],
-            "jac": slope,
-        }
+        return {"type": "ineq", "fun": lambda z: np.atleast_1d(each.value(z[:-1])) + z[-1], "jac": slope}
 
     with np.errstate(all="ignore"):
         end = minimize(

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 DOUBTS = {
-    # of a record
+    # doubts about a record
     "missing": "{count} of {total} samples had a missing value and were left out",
     "same time": "{count} sample(s) had the time of another one and were averaged",
     "counter": "the time restarts {count} time(s), at {counter:.6g}, and was continued",
@@ -24,14 +24,14 @@ DOUBTS = {
     "actuator, the record may hold the request and not what reached the plant",
     "no step": "the input does not step between lasting levels: {experiment}",
     "moving at the end": "the output still moves at the end: an integrator, or a record that is too short",
-    # of a model
+    # doubts about a model
     "model error": "the model error is {error:.3g}, {share:.2g} % of the movement of the output, beside a noise of "
     "{noise:.3g}: the plant has another shape, or something else moved it",
     "initial state": "the record does not begin at rest: an initial state was fitted as well",
     "hold-out": "the hold-out data are predicted worse than the other data are fitted: NRMSE {holdout:.2f}",
     "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties are {times:.2g} times "
     "those for white noise",
-    # of a design
+    # doubts about a design
     "time unit": "the sample time of {sample_time:g} is {share:.3g} times that of the record, {recorded:.4g}: is it in "
     "the record's unit of time?",
     "short delay": "the dead time of {delay:.3g} is left out: at the frequencies of this loop it turns the phase by "
@@ -48,10 +48,10 @@ DOUBTS = {
     "filter lost": "the controller has a filter of {filter_time:.3g}, faster than the sample time of {sample_time:g}: "
     "the code hardly filters",
     "no limits": "{options} not given: the code does not know the limits of the actuator, and may wind up",
-    # of a relay experiment
+    # doubts about a relay experiment
     "relay phase": "the plant's phase at this period is {phase:.0f} degrees, not -180: the relay has hysteresis or a "
     "bias; the gain holds at this period, and the true ultimate period is another one",
-    # of a check
+    # doubts about a check
     "log's sample time": "the controller is assumed to have the sample time of the log, {sample_time:.4g}",
     "unstable": "the loop with the model is unstable: if the log shows this loop, other gains ran, or other units",
     "other gains": "the given gains could not have made the log's u from its y: they explain {share:.0f} % of its "

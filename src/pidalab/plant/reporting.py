@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAFE = 2.001  # largest worst Ms of a loop that is called safe
-REPORT_HORIZON = 20.0  # of the first responses, in time scales of the process
+REPORT_HORIZON = 20.0  # length of the first responses, in time scales of the process
 MEASURES = {  # attributes of a row, with their names and meanings
     "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
     "ms_sampled": ("Ms sampled", "the same of the digital controller"),
@@ -301,7 +301,7 @@ def report(
 
 
 def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
-    """Tune for a plant and measure with a model; the row of a refused design has the reason."""
+    """Tune for a plant and measure with a model. The row of a refused design has the reason."""
     try:
         design = tune(plant, kind, **options)
     except ValueError as refusal:

@@ -20,8 +20,8 @@ from pidalab.simulation.exact import load_iae
 PRICE_LIMIT = 3.0  # price of robustness in IAE that is refused
 # relative distances below and above a limit, for a design that meets or keeps it
 MET, STILL_KEPT = 1e-3, 1e-6
-MOST_CORRECTIONS = 20  # of the request
-LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # of Ms - 1, in one correction
+MOST_CORRECTIONS = 20  # largest number of corrections of the requested Ms
+LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # factors of Ms - 1 in one correction
 
 # Returns a design that keeps requirements, found near another one, and the names of its active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
@@ -59,7 +59,7 @@ class LoopEvaluator:
         return Loop(plant, design.controller, filters, design.prefilter)
 
     def _ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms with a plant; that of the continuous loop, with the reason, if the sampled one has none."""
+        """Return Ms with a plant, or that of the continuous loop with the reason if the sampled one has none."""
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:

@@ -34,7 +34,7 @@ MOST_MS = 5.0
 PHASE_UNKNOWN = 1e-3  # phase in rad that no model is accurate to
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 PRICE_WARNING = 1.5  # price of robustness in IAE from which on it is doubted
-REMEDIES = (  # that make a process, or a fit, more certain
+REMEDIES = (  # remedies that make a process, or a fit, more certain
     "a smaller spread would help",
     "a longer record, a larger step or several of them, or less noise would help",
 )
@@ -187,7 +187,7 @@ def tune(
         _doubt_sampling(loop, sample_time, doubts)
     if plants:
         info["ms_worst"], reasons[1] = evaluator.worst(made, plants)
-        # of one plant only: simulating all twenty would take longer than the search
+        # Only one plant is simulated, since all twenty would take longer than the search.
         worst = max(plants, key=lambda plant: evaluator.ms(made, plant).ms)
         info |= {"iae_worst": _iae_ms_mks(evaluator.loop(made, worst))["iae"], "price": price}
     info |= {"notes": tuple(notes), "doubts": (*doubts, *dict.fromkeys(filter(None, reasons)))}
@@ -255,7 +255,8 @@ def _noise_limits(
             f"noise gain at most {most:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
         )
         return {"noise_gain": most, "sample_time": h or model.record.sampling}
-    mks = DEFAULT_MKS * _gain_needed(designed)  # at any frequency, so the sample time does not matter
+    # the limit holds at any frequency, so it does not depend on the sample time
+    mks = DEFAULT_MKS * _gain_needed(designed)
     notes.append(f"gain from noise to u at most {mks:.3g} at any frequency (mks), since no limit was given")
     return {"mks": mks}
 

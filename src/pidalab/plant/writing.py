@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-PREFIX = ".pidalab-"  # of the hidden folder for files that are not yet renamed
+PREFIX = ".pidalab-"  # prefix of the hidden folder for files that are not renamed yet
 
 
 def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:

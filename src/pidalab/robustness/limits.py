@@ -184,7 +184,7 @@ def circle(loop: Loop) -> Criterion:
     Parameters
     ----------
     loop : Loop
-        The loop; see `linear_part`.
+        The loop (see `linear_part`).
 
     Returns
     -------
@@ -220,7 +220,7 @@ def popov(loop: Loop) -> Criterion:
     Parameters
     ----------
     loop : Loop
-        The loop; see `linear_part`.
+        The loop (see `linear_part`).
 
     Returns
     -------

@@ -12,15 +12,7 @@ from scipy.optimize import brentq
 from pidalab import _check
 from pidalab._check import Array
 from pidalab.loop import Loop, open_loop
-from pidalab.robustness.axis import (
-    COMPLEMENTARY,
-    DIFFERENCE,
-    SENSITIVITY,
-    Axis,
-    TooManyTurns,
-    height,
-    zeros,
-)
+from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE, SENSITIVITY, Axis, TooManyTurns, height, zeros
 from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable, is_stable
@@ -331,7 +323,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers; these with both ends of the axis, and |L| there, 0 where L is positive."""
+    """Return phase crossovers, the same with both ends of the axis, and |L| there, 0 where L is positive."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)

@@ -119,7 +119,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
 
     Notes
     -----
-    The rule is from the abstract of Grimholt and Skogestad (2018); the paper itself was not available. The default of
+    The rule is from the abstract of Grimholt and Skogestad (2018). The paper itself was not available. The default of
     τ_c is our choice: without filter, a lag with dead time then has Ms from 1.65 to 1.73, about as with `simc`.
 
     Examples
@@ -182,7 +182,7 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     -----
     The rule for a zero in the left half-plane depends on the effective dead time, which depends on the rule. So the
     reduction is repeated until the dead time stays the same. There may be several such dead times, and the paper does
-    not name a start. Here it is the dead time of the model or, without one, that of the lags alone; this start gives
+    not name a start. Here it is the dead time of the model or, without one, that of the lags alone. This start gives
     the examples of the paper. If the iteration is periodic, the longest dead time is used, to be cautious.
     """
     require_process("model", model)

@@ -9,10 +9,10 @@ The reset takes the real zero farthest from 0, so the shortest time constant: PI
 
 .. math:: -\tfrac{1}{\tau_i} = y - 3, \qquad y = \sqrt[3]{5 + 2\sqrt 6} + \sqrt[3]{5 - 2\sqrt 6},
 
-beside the complex pair with the real part :math:`-3 - y/2`. That reset is slow. PIDA_1 drops the imaginary part, which
-leaves a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and gives one of the two to the
-reset, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), come from a search and are
-printed data.
+in addition to the complex pair with the real part :math:`-3 - y/2`. That reset is slow. PIDA_1 drops the imaginary
+part, which leaves a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and gives one of the two
+to the reset, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), come from a search and
+are printed data.
 
 A `Setting` holds these numbers without dimension, and `tune` makes a controller of any setting.
 """
@@ -196,11 +196,11 @@ def tune(
     -------
     Design
         Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` runs its
-        loop with the limits; all else sees it between them. The filter is a part of the controller, so the set point
-        passes it too; the paper does not say whether it does. Load and noise do not see the difference. Its `info`:
-        the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that represents it, 0
-        where the dead time of the model contains it; the total dead time ``delay``; ``kp``, ``kd``, ``ka`` and ``ti``
-        of controller and reset; ``lead``, b_1 of the prefilter.
+        loop with the limits, all other functions the linear loop between them. The filter is a part of the controller,
+        so the set point passes it, too; the paper does not say whether it does. That makes no difference for load and
+        noise. Its `info`: the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that
+        represents it, 0 where the dead time of the model contains it; the total dead time ``delay``; ``kp``, ``kd``,
+        ``ka`` and ``ti`` of controller and reset; ``lead``, b_1 of the prefilter.
 
     Raises
     ------

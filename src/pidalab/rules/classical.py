@@ -77,7 +77,7 @@ def amigo(model: Process, kind: str = "PID") -> Design:
 
     Notes
     -----
-    The PI rule keeps Ms near 1.4 on lag-dominated and balanced processes; its authors warn that the PID rule is
+    The PI rule keeps Ms near 1.4 on lag-dominated and balanced processes. Its authors warn that the PID rule is
     conservative where the dead time dominates.
 
     Examples
@@ -249,11 +249,11 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     -----
     The original paper was not available. All eight settings are as an independent public program quotes the table;
     several sources agree on those for the set point. Copies with more digits have ti = 1.16 T (set point 0 %, PI), ti
-    = 1.357 T and td = 0.473 L (set point 20 %, PID), ti = 2.357 L (load 0 %, PID); German textbooks round 1.357 T to
+    = 1.357 T and td = 0.473 L (set point 20 %, PID), ti = 2.357 L (load 0 %, PID). German textbooks round 1.357 T to
     1.35 T.
 
     The authors used an analogue computer and a lag with dead time. With that model, a filter of td/10 and T/L from 4 to
-    50, exact simulation gives the following overshoots. Settings for 0 %: at most 2 % after a set-point step; after a
+    50, exact simulation gives the following overshoots. Settings for 0 %: at most 2 % after a set-point step. After a
     load step 0 % (PI) and up to 9 % (PID) of the largest deviation. Settings for 20 %: 11.6 % (PI) and 27 to 39 % (PID)
     after a set-point step; 9 to 40 % (PI) and 5 to 11 % (PID) after a load step. The percentages are only names.
 

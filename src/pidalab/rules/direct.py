@@ -1,4 +1,4 @@
-"""PIDA controllers for a second-order model with dead time, fitted to those of least ITAE; not from a paper.
+"""PIDA controllers for a second-order model with dead time, fitted to those of least ITAE. Not from a paper.
 
 They have the controller and the range of `itae`, and come closer to the least ITAE than its rules do. For set-point
 steps most of the best controllers have a simple structure: they cancel the poles of the model. They do not for
@@ -24,14 +24,14 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
               k_a = k_i \tau^2 b, \qquad
               b = 0.36\,\theta - \frac{0.391}{\theta} \left(\frac{\alpha_d \tau}{2\xi}\right)^2
 
-    Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)`, whatever the model: in two
-    thirds of the range the PIDA controllers of least ITAE nearly have this form. The second term of b leaves room for
+    Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)` for every model. In two
+    thirds of the range the PIDA controllers of least ITAE nearly have this form. The second term of b compensates
     the derivative filter. So does the acceleration: :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`.
 
     The constants are fitted to the optima for 80 models of the range, with the default filters. There the ITAE is 4.5 %
-    above the least on average (geometric mean), 18 % at most; for 40 models not used in the fit, 4 % and 10 %. Ms is
-    1.76 to 2.21; with filters twice as slow it is up to 2.3, with filters four times as slow up to 3.4, and with slower
-    ones look at `pidalab.margins`. The rule with Table 1 is 84 % above the least on average, 330 % at most; with the
+    above the least on average (geometric mean), 18 % at most. For 40 models not used in the fit, 4 % and 10 %. Ms is
+    1.76 to 2.21. With filters twice as slow it is up to 2.3, with filters four times as slow up to 3.4, and with slower
+    ones check `pidalab.margins`. The rule with Table 1 is 84 % above the least on average, 330 % at most. With the
     best factors for each model, 64 % and 257 %.
 
     This holds for processes that are the model. The three examples of the paper are not: there the ITAE is 38 % larger,
@@ -83,11 +83,11 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
     The last term makes up for the derivative filter.
 
     The constants are fitted to the optima with Ms ≤ 2 for 42 of 80 models on a grid, with the default filters. On this
-    grid the ITAE is 9 % above the least with this bound on average (geometric mean), 34 % at most; for 40 other models,
+    grid the ITAE is 9 % above the least with this bound on average (geometric mean), 34 % at most. For 40 other models,
     9 % and 29 %. Ms is 1.66 to 2.02. Without the bound the least ITAE is 37 % of that on average, with Ms up to 7.3.
 
     The rule with Table 3 and Table 1 is unstable for 18 of the 80 models. For 30 its ITAE is smaller, with Ms from 2.09
-    up. So it is for the three examples of the paper, by 14 % to 24 %, with Ms from 3.0 to 4.8 beside 1.9.
+    up. So it is for the three examples of the paper, by 14 % to 24 %, with Ms from 3.0 to 4.8 compared with 1.9.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
 def _from_gains(
     ki: float, kp: float, kd: float, ka: float, alpha_d: float, alpha_a: float
 ) -> NonInteractivePIDA:
-    """Return the controller; the acceleration compensates the derivative filter, to second order in s."""
+    """Return the controller. The acceleration compensates the derivative filter, to second order in s."""
     alpha_d = _check.real("alpha_d", alpha_d, above=0.0)
     tau_d = kd / kp if kp / ki > 0 else math.nan
     acceleration = ka / kp + alpha_d * tau_d**2 if tau_d > 0 else math.nan

@@ -110,7 +110,7 @@ def pid(model: Process, ms: float = 1.4, *, n: float = 10) -> PIDA:
 
 
 def pi(model: Process, ms: float = 1.4) -> PIDA:
-    """Design a PI controller for a first-order model with dead time, by the same approach; not in the paper.
+    """Design a PI controller for a first-order model with dead time, by the same approach. Not in the paper.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
 
 def _trusted(model: Process | ThreePointModel) -> Process:
-    """Return the process of a three-point model that agrees with its record; any other model passes."""
+    """Return the process of a three-point model that agrees with its record. Any other model passes."""
     if isinstance(model, Process) or not hasattr(model, "excess_gain"):
         return model  # type: ignore[return-value]
     from pidalab.identification.experiments import MOST_EXCESS_GAIN
@@ -292,5 +292,5 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """Scale a controller to the maximum sensitivity; its gain is the inverse of that of the model."""
+    """Scale a controller to the maximum sensitivity. Its gain is the inverse of that of the model."""
     return gain_for_ms(Loop(model, unit), ms) * unit

@@ -7,18 +7,18 @@ for :math:`\theta/\tau`. For a model of another structure, or outside 0.1 ≤ r 
 * Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. For a
   short dead time Table 2 then gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
 * Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left, gives the integral time for r > 1. It
-  goes on where the one for r ≤ 1 ends, but for 1.4 %.
+  continues the one for r ≤ 1, with a jump of 1.4 %.
 * Table 3: both exponentials have a negative argument, as the one of Table 2 has.
 * Table 3: the gain changes its formula at r = 0.9, not at ξ = 0.9. At r = 0.9 the two differ by 0.003. At ξ = 0.9 they
   would differ by 29 for r = 0.1, and for ξ = 0.3 and r = 2 the gain would have the wrong sign.
 * Table 1: the last four lines belong to ξ > 1, where they go on from the others.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The first, third and last are needed for the printed tunings; no example decides the others. All constants are as
-printed. So are the jumps between the branches; the largest is that of the gain of Table 2 at ξ = 0.9, 13 % for r = 2.
+The first, third and last are needed for the printed tunings. No example decides the others. All constants are as
+printed. So are the jumps between the branches. The largest is that of the gain of Table 2 at ξ = 0.9, 13 % for r = 2.
 
-`setpoint_factors` and `load_factors` are not from the paper: they give f_d and f_a fitted anew. The module `direct`
-goes further, with one formula for the whole range in place of the PID tables, which limit the rule.
+`setpoint_factors` and `load_factors` are not from the paper. They give refitted f_d and f_a. The module `direct`
+replaces the PID tables, which limit the rule, by one formula for the whole range.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
        \tau_i/\tau &= \begin{cases} (2.055 + 0.072\,r)\,\xi & r \le 1 \\ (1.768 + 0.329\,r)\,\xi & r > 1 \end{cases} \\
        \tau/\tau_d &= \left(1 - e^{-r^{1.06}\xi/0.87}\right)\left(0.55 + 1.683\,r^{-1.09}\right)
 
-    Corrected: the left side of the last formula, and of the integral time for r > 1; see the top of this module.
+    Corrected: the left side of the last formula, and of the integral time for r > 1 (see the top of this module).
 
     Parameters
     ----------
@@ -90,7 +90,8 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
                       \left(1.45 + 0.969\,r^{-1.171}\right)
 
     Corrected: where the gain changes its formula, the sign in both exponentials, and the left side of the last formula;
-    see the top of this module. As read, 2.2122 has a digit more than the rest; no printed tuning tells it from 2.212.
+    see the top of this module. As read, 2.2122 has a digit more than the others. No printed tuning distinguishes it
+    from 2.212.
 
     Parameters
     ----------
@@ -153,8 +154,8 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The `factors` are those of the model itself. The changed model may have a ratio r down to 0.057; the paper takes it
-    so. Corrected: the factor of the acceleration time; see the top of this module.
+    The `factors` are those of the model itself. The changed model may have a ratio r down to 0.057. The paper takes it
+    so. Corrected: the factor of the acceleration time (see the top of this module).
 
     Parameters
     ----------
@@ -274,7 +275,7 @@ def tune(
 
 
 def setpoint_factors(model: Process) -> Factors:
-    r"""Compute factors fitted here to the ITAE of set-point steps, for `pida_setpoint`; not from the paper.
+    r"""Compute factors fitted here to the ITAE of set-point steps, for `pida_setpoint`. Not from the paper.
 
     .. math::
 
@@ -283,9 +284,9 @@ def setpoint_factors(model: Process) -> Factors:
        f_d &= 0.345 - 0.050\,\ell - 0.459\,x - 0.188\,\ell x, & f_a &= 0.989 + 0.231\,\ell - 0.262\,x - 0.237\,\ell x
        && \xi > 0.9
 
-    with :math:`\ell = \ln r` and :math:`x = \ln \xi`; the break is that of the gain of Table 2. On 40 models not used
+    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. The break is that of the gain of Table 2. On 40 models not used
     in the fit the ITAE is 1.68 times the least that any PIDA controller of this form can have, in the geometric mean,
-    and 2.52 times at the most; with Table 1 it is 1.74 and 3.25 times. Ms is up to 2.5, and up to 2.9 for ξ just above
+    and 2.52 times at the most. With Table 1 it is 1.74 and 3.25 times. Ms is up to 2.5, and up to 2.9 for ξ just above
     0.9 with r near 2. `direct.setpoint` comes much closer.
 
     Parameters
@@ -317,13 +318,13 @@ def setpoint_factors(model: Process) -> Factors:
 
 
 def load_factors(model: Process) -> Factors:
-    r"""Compute factors fitted here to the ITAE of load steps, Ms up to about 2, for `pida_load`; not from the paper.
+    r"""Compute factors fitted here to the ITAE of load steps, Ms up to about 2, for `pida_load`. Not from the paper.
 
     .. math:: f_d = 0, \qquad
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
               \qquad \ell = \ln r, \quad x = \ln \xi
 
-    No dead time is taken away: the PID part of Table 3 stays as it is, and the acceleration makes it robust. Every loop
+    No dead time is subtracted. The PID part of Table 3 is unchanged, and the acceleration makes it robust. Every loop
     of the range is stable, with Ms up to 2.4. On 40 models not used in the fit the ITAE is 1.53 times the least that a
     PIDA controller with Ms up to 2 can have, in the geometric mean, and 1.91 times at the most. With Table 1 seven of
     these loops are unstable. `direct.load` comes closer.
@@ -358,7 +359,7 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     .. math:: k k_c = \frac{\tau + \theta/2}{1.25\,\theta}, \qquad \tau_i = \tau + \frac{\theta}{2}, \qquad
               \tau_d = \frac{\tau\theta}{2\tau + \theta}
 
-    The paper does not print the rule; these formulas, with a filter of a quarter of the dead time, give its tunings.
+    The paper does not print the rule. These formulas, with a filter of a quarter of the dead time, give its tunings.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ MO_SOURCES = {
     "uncertainty": "from that of the areas",
 }
 UNSURE = 1.0  # relative uncertainty from which a gain is refused
-MOST_UPDATES = 300  # of a filter time that does not settle
+MOST_UPDATES = 300  # updates before a filter time counts as not settling
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # largest order m; beyond it, rounding errors of the areas dominate
 LOST = 1e-3  # largest relative error of a gain from rounding the areas
@@ -262,7 +262,7 @@ def tune_for_noise(
     Notes
     -----
     Fig. 5 starts from 0.1 in its example, updates once and then three times more. So 69 of the 70 filter times and
-    gains in Tables 3 to 5 come out within a unit of the last digit, and all 18 in Table 6. Settled values differ by up
+    gains in Tables 3 to 5 agree within a unit of the last digit, and all 18 in Table 6. Settled values differ by up
     to four units, in the rows that settle slowly (n = m, and m = 4).
 
     Examples
@@ -304,7 +304,7 @@ def tune_for_filter_noise(
     asymptotes of eq. (26). `pidalab.noise_gain` is that of the loop itself, and differs by some per cent if the filter
     is not much faster than the loop.
 
-    For n above m + 1 the estimate uses as little as a third of the noise gain; see the column σ_rel of Table 4.
+    For n above m + 1 the estimate uses as little as a third of the noise gain (see the column σ_rel of Table 4).
 
     Parameters
     ----------

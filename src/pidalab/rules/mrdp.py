@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import control
 
 
-HIGHEST_MRDP_ORDER = 100  # of a controller or filter; beyond it factorials overflow
+HIGHEST_MRDP_ORDER = 100  # highest order of a controller or filter; with more, factorials overflow
 
 
 class Constants(NamedTuple):
@@ -52,7 +52,7 @@ class Constants(NamedTuple):
 
     @property
     def numerator(self) -> list[float]:
-        """Coefficients of N(x) in descending powers; the loop without filter has the poles x^2 e^x + N(x) = 0, eq. (4).
+        """Coefficients of N(x) in descending powers. The loop without filter has the poles x^2 e^x + N(x) = 0, eq. (4).
 
         Returns
         -------
@@ -316,7 +316,7 @@ def smallest_te(m: int, n: int) -> float:
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
     and there the dead time turns the phase through all values. So the loop is stable, roughly, when the hump is below
-    1; this function starts from that estimate and bisects with the argument principle.
+    1. This function starts from that estimate and bisects with the argument principle.
 
     Parameters
     ----------

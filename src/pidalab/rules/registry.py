@@ -81,12 +81,7 @@ class Rule:
         """The kinds of controllers that the rule designs."""
         return tuple(self.models)
 
-    def tune(
-        self,
-        model: Process,
-        kind: str,
-        requirements: Requirements = DEFAULT,
-    ) -> Design:
+    def tune(self, model: Process, kind: str, requirements: Requirements = DEFAULT) -> Design:
         """Design a controller of a kind.
 
         Parameters
@@ -122,7 +117,7 @@ class Rule:
 
 
 def find(name: str, *others: str) -> Rule:
-    """Return the rule of a name, whatever the case of its letters.
+    """Return the rule of a name, ignoring case.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ AGREEMENT = 1e-10
 # Two responses whose difference is smaller are enough, since equal errors are unlikely.
 CERTAIN = 1e-12
 OUTSIDE_KICKS = 1e-6  # allowed difference relative to values outside kicks, and at requested times
-KICK_DURATION = 60.0  # in time constants of the fastest state
+KICK_DURATION = 60.0  # number of time constants of the fastest state
 # Number of time constants after which a time, rounded to 1e-16, no longer determines its place within a kick.
 KICK_UNRESOLVED = 1e5
 
@@ -358,7 +358,7 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     rate = rate if rate * t[-1] > 20.0 else 0.0
     weight = np.exp(-rate * t)
     response = fftconvolve(unit * weight, (changes * weight)[None, :], axes=1)[:, : t.size] / weight
-    response[:, : np.flatnonzero(changes)[0]] = 0.0  # at rest until the first change
+    response[:, : np.flatnonzero(changes)[0]] = 0.0  # the loop is at rest until the first change
     return response
 
 

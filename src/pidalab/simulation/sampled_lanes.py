@@ -31,7 +31,7 @@ IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range
 class Controllers(NamedTuple):
     """Digital controllers with the same step but different numbers, and prefilters, one of each for a lane."""
 
-    code: np.ndarray  # of `Operations`
+    code: np.ndarray  # the code of `Operations`
     numbers: Array  # (places, LANES)
     prefilter_phi: Array  # (q, q, LANES)
     prefilter_gamma: Array  # (q, LANES)

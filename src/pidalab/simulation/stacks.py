@@ -48,7 +48,7 @@ def _reads(rows, outputs, order, wide):
 
 @compiled
 def _read_ages(size):
-    """Return the number of ages that any output reads by more than `DROPPED` of what it reads most."""
+    """Return the number of ages that any output reads by more than `DROPPED` of its largest coefficient."""
     ages = size.shape[0] - 1
     largest = size[ages]
     while ages > 1:
@@ -170,7 +170,7 @@ def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
             for q in range(channels):
                 total += B[i, q] * delayed[m, q]
             now[i] = share * total
-        for q in range(channels):  # what the states send into the dead time leaves it one dead time later
+        for q in range(channels):  # a signal that enters the dead time leaves it one dead time later
             total = 0.0
             for i in range(channels):
                 total += D[q, i] * delayed[m, i]

@@ -1,4 +1,4 @@
-"""What the commands share: commands with one-line errors, options, and output."""
+"""Common parts of the commands: one-line errors, options, and output."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ import pidalab
 from pidalab._text import STARTING_MODELS, set_out
 from pidalab.plant.cli import dialogue
 
-DEFAULT_SAMPLES = 2000  # of a response of a continuous controller
-MOST_DIGITAL_SAMPLES = 1e7  # of a digital one: more would fill the memory
+DEFAULT_SAMPLES = 2000  # samples of a response with a continuous controller
+MOST_DIGITAL_SAMPLES = 1e7  # samples with a digital controller; more would exhaust the memory
 FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 
 

@@ -147,7 +147,7 @@ class FitData(NamedTuple):
 
     t: Array
     y: Array
-    changes: Array  # of the input
+    changes: Array  # changes of the input
     change_times: Array
     unseen: float  # mean interval between samples in which the input changed
     grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
@@ -221,7 +221,7 @@ class FitResult(NamedTuple):
     residuals: Array
     jacobian: Array
     converged: bool
-    data: FitData  # with the load at its time
+    data: FitData  # data with the load at its time
 
     @property
     def cost(self) -> float:

@@ -17,7 +17,7 @@ from pidalab.plant.doubts import doubt
 FEWEST = 20  # samples that a conclusion needs
 LONGEST_WRAP = 10  # median intervals between the last sample before a counter restarts and the next one
 OVERLAP = 3  # median intervals by which the time may go back for samples that are merely out of order
-# where counters restart
+# values at which counters restart
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 STILL, STILL_SHARE = 15, 0.05  # samples, and their share, for which an output may stand still
 BEFORE, JUST_BEFORE = 10, 3  # samples before that in which it moved
@@ -48,7 +48,7 @@ def cleaned(
 ) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time and average samples of the same time.
 
-    Also return the input before the record and the indices of the samples. The last input of each time is held; the
+    Also return the input before the record and the indices of the samples. The last input of each time is held. The
     first one of the first time is the input before.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]

@@ -44,7 +44,7 @@ SAMPLE = 50  # lines from which the form of a file is recognised, and names of c
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters, columns
 
 
-PLACES = {"time": 0, "u": 1, "y": 2}  # of the columns where none is named or has the name of its role
+PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if none is named or has the name of its role
 
 
 class Columns(NamedTuple):
@@ -301,7 +301,7 @@ def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
 def _clock(
     entries: Sequence[str], column: tuple[Array, Array], title: str, doubts: list[str]
 ) -> tuple[tuple[Array, Array], str, str]:
-    """Return the times, from their numbers or dates; their unit; and the date of the first one."""
+    """Return the times, from their numbers or dates, their unit, and the date of the first one."""
     times, wrong = column
     if 2 * wrong.sum() > wrong.size:
         return _stamps(entries, column, doubts)
