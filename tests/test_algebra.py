@@ -21,10 +21,11 @@ LOOP = Loop(pidalab.lags(3, delay=1.0), PIDA(1.0, 3.0, 1.0, 0.3))
 
 @pytest.mark.parametrize("block", [P, *CONTROLLERS], ids=lambda block: type(block).__name__)
 def test_a_number_multiplies_the_gain_only(block):
-    for made, factor in ((2 * block, 2), (block * np.float64(2), 2), (block / 4, 0.25), (-block, -1)):
-        assert type(made) is type(block)
-        np.testing.assert_allclose(made(S), factor * block(S), rtol=1e-13)
-        assert getattr(made, "limits", None) == getattr(block, "limits", None)  # the actuator's
+    for product, factor in ((2 * block, 2), (block * np.float64(2), 2), (block / 4, 0.25), (-block, -1)):
+        assert type(product) is type(block)
+        np.testing.assert_allclose(product(S), factor * block(S), rtol=1e-13)
+        # limits are those of the actuator
+        assert getattr(product, "limits", None) == getattr(block, "limits", None)
 
 
 def test_processes_in_series():
@@ -48,10 +49,10 @@ def test_frequency_response_has_the_dead_time_exactly():
     response = LOOP.frequency_response()
     w = response.omega
     np.testing.assert_allclose(response.frdata[0, 0], LOOP.L(1j * w), rtol=0)
-    found, gm_pm = pidalab.margins(LOOP), control.stability_margins(response)[:2]
-    assert gm_pm == pytest.approx((found.gm, found.pm), rel=1e-6)
+    margins, gm_pm = pidalab.margins(LOOP), control.stability_margins(response)[:2]
+    assert gm_pm == pytest.approx((margins.gm, margins.pm), rel=1e-6)
     # the phase can be unwrapped, and both crossovers are well inside
     assert np.max(np.abs(np.diff(np.unwrap(np.angle(LOOP.L(1j * w)))))) < 0.5
-    assert w[0] < found.wgc / 3
-    assert w[-1] > 3 * found.wpc
+    assert w[0] < margins.wgc / 3
+    assert w[-1] > 3 * margins.wpc
     assert LOOP.frequency_response([0.5, 1.0]).omega.tolist() == [0.5, 1.0]

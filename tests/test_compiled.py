@@ -21,7 +21,7 @@ import pidalab
 loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
 print(pidalab.load_response(loop, [0.0, 4.5, 9.0]).y[2].round(9), "numba" in sys.modules)
 """
-# as after a second in plain forms
+# the process has spent a second in plain forms
 WORKED = FIRST.replace("loop =", "from pidalab._compiled import TIER; TIER.spent = 2.0; loop =")
 START = "from pidalab._compiled import compile_in_background; compile_in_background()"
 
@@ -74,7 +74,7 @@ def made(tmp_path_factory):
     for name in ("numba.py", "random.py", "numpy.py", "pidalab.py"):
         trap = f"open({str(folder / 'was_run')!r}, 'w').close()\nraise ImportError('not this one')\n"
         (folder / name).write_text(trap, encoding="utf-8")
-    # the process itself starts elsewhere, as a command does, and changes to the folder
+    # the process starts elsewhere, as a command does, and changes to the folder
     change = f"import os, sys, numpy, random; sys.path.remove('') if '' in sys.path else 0; os.chdir({str(folder)!r});"
     short = run(change + FIRST, NUMBA_CACHE_DIR=cache)
     assert not list(cache.iterdir())
@@ -183,11 +183,11 @@ def answers(search=True):
     limited = pidalab.Loop(pidalab.ipdt(1.0, delay=0.55), series)
     digital = pidalab.Loop(limited.process, series.discretise(0.05, limits=(-0.5, 0.9)))
     t = np.linspace(0.0, 12.0, 241)
-    runs = [pidalab.simulate(one, t, setpoint=1.0, load=0.3) for one in (loop, neutral)]
-    runs += [pidalab.simulate_sampled(one, t, setpoint=1.0, load=0.3) for one in (limited, digital)]
-    margins = [pidalab.margins(one) for one in (loop, neutral)]
+    runs = [pidalab.simulate(each, t, setpoint=1.0, load=0.3) for each in (loop, neutral)]
+    runs += [pidalab.simulate_sampled(each, t, setpoint=1.0, load=0.3) for each in (limited, digital)]
+    margins = [pidalab.margins(each) for each in (loop, neutral)]
     sets = pidalab.portrait(limited, {"kp": [0.2, 0.4]}, t, setpoint=1.0)
-    noise = [pidalab.noise_gain(one, sample_time=0.01) for one in (loop, limited)]
+    noise = [pidalab.noise_gain(each, sample_time=0.01) for each in (loop, limited)]
     tuned = pidalab.rules.haalman.tune(pidalab.sopdt(1.0, 2.0, 1.0, 0.5), ms=1.6, kind="PID").controller
     best = [pidalab.optimal.load(loop.process, order=1, ms=1.6).iae] if search else []
     return {
@@ -217,6 +217,6 @@ def test_both_forms_give_the_same_digits(without, tmp_path):
     assert done.stderr == ""
     plain, compiled = json.loads(done.stdout), answers(search)
     for name, values in compiled.items():
-        # a search ends where its steps are small
+        # a search stops at small steps, which differ
         digits = 1e-6 if name == "optimum" else 1e-9
         assert plain[name] == pytest.approx(values, rel=digits, abs=1e-11), name

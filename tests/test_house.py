@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 SRC = ROOT / "src"
 DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports run one way.**")[1]
 LIBRARY, WING = DESIGN.split("The modules of `plant` are ordered, too:")
-# a door, or a method, hands on to the wing, and loads it when it is first used
+# modules that import `pidalab.plant` when it is first used
 ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # what a user runs
 HANDS_ON = {
     "pidalab.identification": "pidalab.plant.fitting",
@@ -65,12 +65,12 @@ def imported(path):
 @cache
 def arrows(module):
     """Return the modules of the project that a module imports."""
-    found = {
+    modules = {
         name if name in MODULES else name.rpartition(".")[0]
         for name in imported(MODULES[module])
         if name.split(".")[0] in ("pidalab", "paperledger")
     }
-    return found - {module}
+    return modules - {module}
 
 
 def room(module, package="pidalab"):
@@ -86,16 +86,16 @@ def in_wing(module):
 def misplaced():
     """Yield each import that goes against the order in CONTRIBUTING, or imports the whole library."""
     for package, order in (("pidalab", [*CORRIDOR, ATOP]), ("pidalab.plant", ROAD)):
-        place = {one: i for i, line in enumerate(order) for one in line}
+        place = {part: i for i, line in enumerate(order) for part in line}
         for module in (m for m in MODULES if m.startswith(f"{package}.")):
-            own = room(module, package)
-            if own not in place:
-                yield f"CONTRIBUTING does not name {own}"
+            part = room(module, package)
+            if part not in place:
+                yield f"CONTRIBUTING does not name {part}"
                 continue
             for target in arrows(module) - {HANDS_ON.get(module)}:
                 if target == "pidalab" and module not in ATOP and ".cli." not in module:
                     yield f"{module} imports the whole library"
-                elif target.startswith(f"{package}.") and place.get(room(target, package), 99) > place[own]:
+                elif target.startswith(f"{package}.") and place.get(room(target, package), 99) > place[part]:
                     yield f"{module} imports {target}, which comes later"
 
 
@@ -137,10 +137,10 @@ def test_imports_are_lazy():
 def test_public_names_match_the_stub(package):
     """Each name of the stub exists and comes from its module. No name hides a module."""
     stub = SRC.joinpath(*package.split("."), "__init__.pyi")
-    found = [
+    imports = [
         node for node in ast.parse(stub.read_text(encoding="utf-8")).body if isinstance(node, ast.ImportFrom)
     ]
-    homes = [(alias.name, node.module) for node in found for alias in node.names]
+    homes = [(alias.name, node.module) for node in imports for alias in node.names]
     door = import_module(package)
     assert sorted(door.__all__) == sorted(name for name, _ in homes)
     for name, module in homes:

@@ -34,8 +34,8 @@ def test_transfer_functions_solve_the_block_diagram(output, source):
 
 def test_loop_and_sensitivities():
     L = PROCESS(POINTS) * CONTROLLER(POINTS) * FILTER(POINTS)
-    for found, expected in ((LOOP.L, L), (LOOP.S, 1 / (1 + L)), (LOOP.T, L / (1 + L))):
-        np.testing.assert_allclose(found(POINTS), expected, rtol=1e-11)
+    for transfer, expected in ((LOOP.L, L), (LOOP.S, 1 / (1 + L)), (LOOP.T, L / (1 + L))):
+        np.testing.assert_allclose(transfer(POINTS), expected, rtol=1e-11)
 
 
 @pytest.mark.parametrize(

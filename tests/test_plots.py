@@ -31,7 +31,7 @@ def drawn(ax, *labels, **style):
         ({"PI": "PI", "PID": "PID", "PIDA": "PIDA"}, {"PIDA, Ms 1.4": "m = 3", "m = 0": "m = 4", "PID₃²": "other"}),
         # a second design of a kind, in every panel
         ({"PIDA, fast": "PIDA", "PIDA, slow": "m = 3"}, {"PIDA, slow": "m = 3", "PIDA, fast": "PIDA"}),
-        # a label without a kind takes no look of another line
+        # a label without a kind does not take the style of another line
         ({"PID₂²": "PIDA", "Lurang": "m = 3"}, {"Lurang": "m = 3"}),
         # what appears on several pages
         ({"MRDP-PIDA": "PIDA", "PIDA$_1$": "m = 4"}, {"automatic reset": "m = 4", "clamping": "m = 3"}),

@@ -8,9 +8,7 @@ import pidalab
 from pidalab.process import quotient
 
 RNG = np.random.default_rng(1)
-POINTS = RNG.normal(size=20) + 1j * RNG.normal(
-    size=20
-)  # complex frequencies that have nothing to do with any pole
+POINTS = RNG.normal(size=20) + 1j * RNG.normal(size=20)  # random complex frequencies
 
 
 def test_evaluates_rational_part_times_exact_dead_time():
@@ -55,7 +53,7 @@ def test_repr_makes_the_same_process():
     again = eval(repr(process), {"Process": pidalab.Process})
     assert again == process
     assert process != pidalab.Process(process.num, process.den, delay=2.0)
-    assert process.num.tolist() == [0.5, 1.0]  # leading zeros are no degrees
+    assert process.num.tolist() == [0.5, 1.0]  # leading zeros are dropped
 
 
 def test_a_pole_is_infinite_without_a_warning():
@@ -82,7 +80,7 @@ def test_static_gain_of_zeros_and_poles_at_rest(num, den, expected):
 
 
 def test_quotients_at_poles_and_where_both_are_zero():
-    found = quotient(np.array([1.0, 0.0, 3.0]), np.array([0.0, 0.0, 2.0]))
-    assert (found[0], found[2]) == (np.inf, 1.5)
-    assert np.isnan(found[1])
+    values = quotient(np.array([1.0, 0.0, 3.0]), np.array([0.0, 0.0, 2.0]))
+    assert (values[0], values[2]) == (np.inf, 1.5)
+    assert np.isnan(values[1])
     assert quotient(1.0 + 1j, 2.0) == 0.5 + 0.5j

@@ -64,14 +64,14 @@ def methods(kind, path, seen):
 
 
 def collect():
-    found, seen = {}, set()
+    names, seen = {}, set()
     for name in MODULES:
-        found.update(walk(importlib.import_module(name), name, seen))
-    return found
+        names.update(walk(importlib.import_module(name), name, seen))
+    return names
 
 
 NAMES = collect()
-# of numpydoc's checks: a docstring with a summary, parameters as in the signature, what is returned, an example
+# numpydoc's checks of summary, parameters, returned values and examples
 ASKED = {"GL08", "SS01", "SS02", "SS03", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "EX01"}
 
 
@@ -93,8 +93,8 @@ def needless(value):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_docstring_has_what_its_signature_calls_for(name):
-    found = validate(name)["errors"]
-    assert [said for code, said in found if code in ASKED - needless(NAMES[name])] == []
+    errors = validate(name)["errors"]
+    assert [said for code, said in errors if code in ASKED - needless(NAMES[name])] == []
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if not inspect.isclass(NAMES[name])])

@@ -30,10 +30,10 @@ def test_short_answers_run(capsys):
     """Run the answers one after the other, as a reader would type them."""
     space = {}
     with plt.rc_context():
-        plt.rcdefaults()  # another test may have taken the looks of the book
+        plt.rcdefaults()  # another test may have set the style of the book
         for block in blocks(ROOT / "book" / "how-do-i.md"):
             exec(compile(block, "how-do-i.md", "exec"), space)
-    # what the words beside them claim
+    # what the text next to them claims
     assert space["overshoot"](space["ms"]) == pytest.approx(5.0, abs=0.2)
     assert space["quiet"].deadband == 0.02
     assert space["low"] < pidalab.margins(space["heater"]).ms < space["high"]

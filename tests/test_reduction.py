@@ -93,7 +93,7 @@ def test_a_sharp_resonance_is_resolved():
         (pidalab.lags(4, lag=2.0), math.tan(math.pi / 4) / 2),
         (pidalab.Process([2.0], [1.0], delay=0.5), 2 * math.pi),
         (pidalab.Process([1.0, -2.0, 1.0], [1.0, 2.0, 1.0]), 1.0),  # an all-pass of phase -4 atan(w)
-        (pidalab.ipdt(-3.0, delay=0.5), math.pi),  # a quarter turn is left to the dead time
+        (pidalab.ipdt(-3.0, delay=0.5), math.pi),  # the integrator has turned the phase by -pi/2
         (pidalab.Process([1.0], [1.0, 2.0, 1.0, 0.0]), 1.0),
     ],
 )

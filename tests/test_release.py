@@ -65,7 +65,7 @@ def test_actions_are_named_by_their_commit():
     for path in (ROOT / ".github" / "workflows").glob("*.yml"):
         used = re.findall(r"uses: (\S+)", path.read_text(encoding="utf-8"))
         assert used
-        assert [one for one in used if not re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", one)] == []
+        assert [action for action in used if not re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", action)] == []
 
 
 def test_the_lock_for_readers_is_a_part_of_the_other():
@@ -75,7 +75,7 @@ def test_the_lock_for_readers_is_a_part_of_the_other():
     ]
     reader, developer = (set(re.findall(r"^[\w.-]+==[^ ]+", text, flags=re.MULTILINE)) for text in locks)
     assert reader < developer
-    assert not {one.split("==")[0] for one in reader} & {
+    assert not {requirement.split("==")[0] for requirement in reader} & {
         "pytest",
         "playwright",
         "mini-racer",

@@ -1,4 +1,4 @@
-"""What the chapters of the book compute with: a module for each paper, and what their audits share."""
+"""Computations of the chapters and their audits, a module for each paper."""
 
 from collections.abc import Mapping
 

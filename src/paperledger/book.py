@@ -244,8 +244,8 @@ class Ledger:
             with naming(row.id):
                 relation = Relation.parse(row.relation)
                 # A run that only records, such as one with a slightly wrong library, may change the verdict of a case.
-                found = relation.decide(cases, digits, strict=not self.records)
-            fresh = replace(row, computed=found.verdict, evidence=str(found))
+                evidence = relation.decide(cases, digits, strict=not self.records)
+            fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
         except LedgerError as error:
             self.refused += str(error).splitlines()
@@ -385,9 +385,9 @@ class Ledger:
         ['other.kp: does not start with demo.', "other.kp: 'computed' is empty"]
         """
         gone, start = removed(self.path.parent), f"{self.paper}."
-        found = [f"{id}: does not start with {start}" for id in self.rows if not id.startswith(start)]
-        found += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in gone]
-        return found + [problem for row in self.rows.values() for problem in row.problems()]
+        lines = [f"{id}: does not start with {start}" for id in self.rows if not id.startswith(start)]
+        lines += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in gone]
+        return lines + [problem for row in self.rows.values() for problem in row.problems()]
 
     def scorebar(self) -> Display:
         """Return the score of the paper as a bar with a legend.
@@ -452,10 +452,10 @@ class Ledger:
         rows = []
         for prefix in prefixes or ("",):
             starts = (prefix, f"{self.paper}.{prefix}")
-            found = [row for id, row in self.rows.items() if id.startswith(starts)]
-            if not found:
+            chosen = [row for id, row in self.rows.items() if id.startswith(starts)]
+            if not chosen:
                 raise LedgerError(f"{self.paper}: no id starts with {prefix}")
-            rows += found
+            rows += chosen
         return display.claims(rows)
 
 
@@ -483,7 +483,7 @@ def _headings(notebook: Path) -> list[str]:
     """Return the headings of a notebook, none if the file does not exist."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"] if notebook.is_file() else []
     texts = ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
-    return [found for text in texts for found in re.findall(r"^##+ (.+)$", text, re.MULTILINE)]
+    return [heading for text in texts for heading in re.findall(r"^##+ (.+)$", text, re.MULTILINE)]
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -82,10 +82,10 @@ def markup(text: str) -> str:
     return _MATHS.sub(_typeset, escape(text, quote=False))
 
 
-def _typeset(found: re.Match[str]) -> str:
-    base, index, power = found.groups()
+def _typeset(match: re.Match[str]) -> str:
+    base, index, power = match.groups()
     if index is None and power is None:
-        return found.group()
+        return match.group()
     parts = [
         f"<{tag}>{part.strip('{}()').replace('-', '−')}</{tag}>"
         for tag, part in (("sub", index), ("sup", power))
@@ -154,7 +154,7 @@ def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
     anchor = row.id.replace(".", "-")  # A dot has another meaning in a selector.
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
-        said = "".join(f"<p>{markup(one)}</p>" for one in (row.note, *row.made.split(" | ")) if one)
+        said = "".join(f"<p>{markup(line)}</p>" for line in (row.note, *row.made.split(" | ")) if line)
         if anchored:  # the id to copy
             cite = f"To cite: row {escape(row.id)} of the account of pidalab"
             said += f'<p class="row-cite">{cite}, <a href="#{anchor}">with this address</a></p>'
@@ -170,7 +170,7 @@ def evidence(row: Row, span: int = 1) -> Cell:
         return Cell("", "—", "evidence text", span)
     kept, relation = Evidence.parse(row.evidence), Relation.parse(row.relation)
     first = f"largest residual {kept.shown()}" if relation.is_identity else kept.shown()
-    remarks = [one.remark for one in kept.inequalities]
+    remarks = [inequality.remark for inequality in kept.inequalities]
     rest = [*filter(None, ("" if relation.is_identity else relation.words, *remarks))]
     below = f' <span class="where">{markup("; ".join(rest))}</span>' if rest else ""
     return Cell("; ".join([first, *rest]), f"{markup(first)}{below}", "evidence text", span)
@@ -185,9 +185,9 @@ def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Dis
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
     cells = []
     for row in rows:
-        found = [evidence(row, len(last))] if row.is_statement else _numbers(row)
+        result = [evidence(row, len(last))] if row.is_statement else _numbers(row)
         named = claim(row, unfold=not why, anchored=anchors)
-        cells.append([named, *found, words(row.note)] if why else [verdict(row), named, *found])
+        cells.append([named, *result, words(row.note)] if why else [verdict(row), named, *result])
     if why:
         return grid("claims", ["claim", *last, "why"], cells)
     return grid("claims", ["verdict", "claim", *last], cells, 1, [row.note for row in rows])
@@ -277,7 +277,7 @@ def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]])
     for (item, place), some in groups.items():
         place = place or next((row.page for row in some if row.page), "")
         name = "the chapter" if "/" not in place else "its evidence"
-        heading = next((one for one in headings.get(place, ()) if _names(one, item)), "")
+        heading = next((text for text in headings.get(place, ()) if _names(text, item)), "")
         where = Cell("by reading", "by reading")
         target = f"{'../' * page.count('/')}{place}.html" if place != page else ""
         if heading:

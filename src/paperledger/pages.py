@@ -29,7 +29,7 @@ def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[
     scores |= {paper: display.score(rows) for paper, rows in books.items()}
 
     def counts(*kinds: str) -> list[int]:
-        return [sum(one[kind] for kind in kinds) for one in scores.values()]
+        return [sum(score[kind] for kind in kinds) for score in scores.values()]
 
     lines = [("", "all", counts(*display.KINDS))]
     for group, kinds in display.GROUPS.items():
@@ -68,8 +68,8 @@ def scoreboard(folder: Path | str | None = None) -> Display:
         body.append([Cell(words, html), *(display.number(str(count)) for count in counts)])
     board = display.grid("scoreboard", ("claims", *scores), body)
     bars = [display.scorebar("all papers", scores.pop("total"), legend=True).html]
-    for paper, one in scores.items():
-        bars.append(f"<p>{display.markup(paper)}</p>{display.scorebar(paper, one).html}")
+    for paper, score in scores.items():
+        bars.append(f"<p>{display.markup(paper)}</p>{display.scorebar(paper, score).html}")
     return Display(f"{''.join(bars)}\n{board.html}", board.text)
 
 
@@ -244,7 +244,7 @@ def freeze(folder: Path | str | None = None) -> list[str]:
     place = find_folder(folder)
     file, text, reasons = place / MANIFEST, claims(place), removed(place)
     old = file.read_text(encoding="utf-8") if file.is_file() else ""
-    before, after = ({line.partition(",")[0] for line in one.splitlines()} for one in (old, text))
+    before, after = ({line.partition(",")[0] for line in version.splitlines()} for version in (old, text))
     if lost := sorted(before - after - {*reasons} - {FROZEN[0]}):
         raise LedgerError("\n".join(f"{id}: is gone, and {REMOVED} does not say why" for id in lost))
     write_text(file, text)

@@ -45,12 +45,12 @@ def making(text: str) -> tuple[bool, str]:
     >>> making("fit: 1 setting from 7 numbers: T_F, from Table 3 | count: samples of a record")
     (True, 'count')
     """
-    found = _MADE.fullmatch(text)
-    if not found:
+    match = _MADE.fullmatch(text)
+    if not match:
         raise LedgerError(
             f"made {text!r} is none of 'page: …', 'count: …', 'fit: 3 settings from 7 numbers: …'"
         )
-    return found[1] is not None, found[2] or ""
+    return match[1] is not None, match[2] or ""
 
 
 @dataclass(frozen=True)
@@ -266,8 +266,8 @@ class Row:
             derived = self.derived()
         except LedgerError as error:
             return str(error)
-        found = self.evidence if self.is_statement else f"{self.computed} against printed {self.printed}"
-        gives = f"{found} gives {derived or 'no agreement'}"
+        value = self.evidence if self.is_statement else f"{self.computed} against printed {self.printed}"
+        gives = f"{value} gives {derived or 'no agreement'}"
         if self.verdict in DECLARED:
             agrees = derived in AGREEING
             return f"{self.id}: declared {self.verdict} starts to agree, {gives}" if agrees else None
@@ -288,14 +288,14 @@ class Row:
         >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.900000000", "misprint", page="demo").problems()
         ['demo.kp: misprint needs a note of at least 5 words']
         """
-        found = []
+        lines = []
         try:
             for problem in self._malformed():
-                found.append(f"{self.id}: {problem}")
+                lines.append(f"{self.id}: {problem}")
         except LedgerError as error:
-            found.append(f"{self.id}: {error}")
-        disagreement = None if found or self.basis == "reading" else self.disagreement()
-        return [*found, disagreement] if disagreement else found
+            lines.append(f"{self.id}: {error}")
+        disagreement = None if lines or self.basis == "reading" else self.disagreement()
+        return [*lines, disagreement] if disagreement else lines
 
     def _malformed(self) -> Iterator[str]:
         """List entries that are missing, malformed or not allowed. Raise if an entry cannot be read."""
@@ -327,9 +327,9 @@ class Row:
             if float(relation.right) > ROUGHEST:
                 yield f"a residual above {ROUGHEST:g} is not rounding; compare two sides by another relation"
         elif relation and self.evidence:
-            for one in Evidence.parse(self.evidence).inequalities:
-                if one.left == one.right and "." in one.left and not one.factor:
-                    yield f"both sides are {one.left}, so nothing was compared"
+            for inequality in Evidence.parse(self.evidence).inequalities:
+                if inequality.left == inequality.right and "." in inequality.left and not inequality.factor:
+                    yield f"both sides are {inequality.left}, so nothing was compared"
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
@@ -374,8 +374,8 @@ def book_title(paper: str, book: Path) -> str:
     """Return the title of a paper from the references of a book, or an empty text."""
     path = book / "references.bib"
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
-    found = re.search(rf"@\w+\{{{paper},.*?\btitle\s*=\s*\{{(.*?)\}},?\n", text, re.DOTALL)
-    return re.sub(r"[{}]", "", found[1]).replace("--", "–") if found else ""
+    match = re.search(rf"@\w+\{{{paper},.*?\btitle\s*=\s*\{{(.*?)\}},?\n", text, re.DOTALL)
+    return re.sub(r"[{}]", "", match[1]).replace("--", "–") if match else ""
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:

@@ -21,8 +21,8 @@ def pages(paper: str, folder: Path) -> list[Path]:
     """Find the notebooks of a book that open the ledger of a paper, chapters before audits."""
     opened = re.compile(rf"Ledger\.open\(\s*['\"]{re.escape(paper)}['\"]")
     notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
-    found = [path for path in notebooks if opened.search("\n".join(cells(path)))]
-    return sorted(found, key=lambda path: (len(path.parts), path))
+    paths = [path for path in notebooks if opened.search("\n".join(cells(path)))]
+    return sorted(paths, key=lambda path: (len(path.parts), path))
 
 
 def cells(path: Path) -> list[str]:
@@ -116,11 +116,11 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     demo.kp: page '' -> 'demo'
     """
     place = find_folder(folder)
-    found = pages(paper, place)
-    if not found:
+    paths = pages(paper, place)
+    if not paths:
         raise LedgerError(f'no notebook has Ledger.open("{paper}")')
     books: list[Ledger] = []
-    for path in found:
+    for path in paths:
         with recording() as opened:
             for _ in execute(path):
                 pass
@@ -197,15 +197,15 @@ def missing(paper: str, folder: Path) -> list[str]:
         folder / MANIFEST: f"\n{paper}.",
     }
     texts = {path: path.read_text(encoding="utf-8") for path in places if path.is_file()}
-    found = [
+    gaps = [
         f"{paper}: {path.name} does not have {places[path].strip()!r}"
         for path, text in texts.items()
         if places[path] not in text and (path.name != "README.md" or "<!-- score -->" in text)
     ]
     title, citation = book_title(paper, book), book.parent / "CITATION.cff"
     if title and citation.is_file() and _letters(title) not in _letters(citation.read_text(encoding="utf-8")):
-        found.append(f"{paper}: CITATION.cff does not have its title {title!r}")
-    return found + [f"{paper}: no notebook opens its ledger"] * (not pages(paper, folder))
+        gaps.append(f"{paper}: CITATION.cff does not have its title {title!r}")
+    return gaps + [f"{paper}: no notebook opens its ledger"] * (not pages(paper, folder))
 
 
 def _letters(text: str) -> str:

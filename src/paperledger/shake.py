@@ -110,7 +110,7 @@ class Shaker:
         """
         return self._walk(value, key, {})
 
-    def _walk(self, value: Any, key: str, seen: dict[int, Any]) -> Any:
+    def _walk(self, value: Any, key: str, copies: dict[int, Any]) -> Any:
         if isinstance(value, str | bytes | bool | int | Enum | type | ModuleType | None):
             return value
         if isinstance(value, float | complex | np.inexact):
@@ -119,58 +119,58 @@ class Shaker:
                 return value
             kind: Any = type(value)
             return kind(value * (1 + self._part(key, log(size))))
-        if id(value) in seen:
-            return seen[id(value)][0]
-        found = self._compound(value, key, seen)
-        seen[id(value)] = found, value  # the reference keeps the id from being reused
-        return found
+        if id(value) in copies:
+            return copies[id(value)][0]
+        result = self._compound(value, key, copies)
+        copies[id(value)] = result, value  # the reference keeps the id from being reused
+        return result
 
-    def _compound(self, value: Any, key: str, seen: dict[int, Any]) -> Any:
+    def _compound(self, value: Any, key: str, copies: dict[int, Any]) -> Any:
         if isinstance(value, np.ndarray):
-            return self._array(value, key, seen)
+            return self._array(value, key, copies)
         if isinstance(value, dict | MappingProxyType):
-            return type(value)({name: self._walk(one, key, seen) for name, one in value.items()})
+            return type(value)({name: self._walk(item, key, copies) for name, item in value.items()})
         if isinstance(value, tuple | list | set | frozenset):
-            parts = [self._walk(one, key, seen) for one in value]
+            parts = [self._walk(item, key, copies) for item in value]
             return type(value)(*parts) if hasattr(value, "_fields") else type(value)(parts)
         if hasattr(value, "to_numpy") and hasattr(value, "iloc"):  # pandas
             numeric = value.map if hasattr(value, "map") else value.applymap
-            return numeric(lambda one: self._walk(one, key, seen))
+            return numeric(lambda item: self._walk(item, key, copies))
         if isinstance(value, FunctionType):
             return self.perturbed(value)
         if hasattr(value, "__wrapped__"):  # a compiled function
             return value
         if isgenerator(value):
-            return (self._walk(one, key, {}) for one in value)
+            return (self._walk(item, key, {}) for item in value)
         package = type(value).__module__.partition(".")[0]
         if package == self.package and hasattr(value, "__dict__"):
-            return self._object(value, key, seen)
+            return self._object(value, key, copies)
         return value
 
-    def _array(self, value: np.ndarray, key: str, seen: dict[int, Any]) -> np.ndarray:
+    def _array(self, value: np.ndarray, key: str, copies: dict[int, Any]) -> np.ndarray:
         if value.dtype == object:
-            flat = [self._walk(one, key, seen) for one in value.ravel()]
+            flat = [self._walk(item, key, copies) for item in value.ravel()]
             return np.array(flat, object).reshape(value.shape)
         if value.dtype.kind not in "fc":
             return value
         size = np.abs(value)
         live = np.isfinite(value) & (size > 0)
-        found = np.array(value)
-        found[live] *= 1 + self._part(key, np.log(size[live]))
-        return found
+        result = np.array(value)
+        result[live] *= 1 + self._part(key, np.log(size[live]))
+        return result
 
-    def _object(self, value: Any, key: str, seen: dict[int, Any]) -> Any:
+    def _object(self, value: Any, key: str, copies: dict[int, Any]) -> Any:
         for kind in type(value).__mro__:
             if whole := self.whole.get(kind.__name__):
-                return whole(value, lambda one, name: self._walk(one, f"{key}.{name}", seen))
-        found = object.__new__(type(value))
-        seen[id(value)] = found, value
-        for name, one in value.__dict__.items():
+                return whole(value, lambda item, name: self._walk(item, f"{key}.{name}", copies))
+        result = object.__new__(type(value))
+        copies[id(value)] = result, value
+        for name, item in value.__dict__.items():
             if isinstance(getattr(type(value), name, None), property):
                 continue  # a cached value, to be computed again
             kept = name in self.fields
-            found.__dict__[name] = one if kept else self._walk(one, f"{key}.{name}", seen)
-        return found
+            result.__dict__[name] = item if kept else self._walk(item, f"{key}.{name}", copies)
+        return result
 
     def _part(self, key: str, place: Any) -> Any:
         """Return a relative perturbation, different for each function."""
@@ -190,8 +190,8 @@ class Shaker:
         def through(*args: Any, **options: Any) -> Any:
             if self._inside:
                 return work(*args, **options)
-            found = exact(*args, **options)
-            return found if key in self.exact else self.off(found, key)
+            result = exact(*args, **options)
+            return result if key in self.exact else self.off(result, key)
 
         return through
 
@@ -211,9 +211,9 @@ class Shaker:
     def wrap_package(self) -> None:
         """Import the whole package, and wrap everything that a page can call."""
         package = import_module(self.package)
-        for found in walk_packages(getattr(package, "__path__", ()), f"{self.package}."):
-            if not found.name.endswith(".__main__"):
-                import_module(found.name)
+        for info in walk_packages(getattr(package, "__path__", ()), f"{self.package}."):
+            if not info.name.endswith(".__main__"):
+                import_module(info.name)
         wrapped: dict[int, Any] = {}  # by the id of the original, which several modules may hold
         for module in [m for name, m in sys.modules.items() if name.partition(".")[0] == self.package]:
             for name, value in [*vars(module).items()]:
@@ -304,8 +304,8 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
     with recording(partial(_shaken_print, shaker=shaker)) as opened:
         try:
             for number, _ in enumerate(execute(path), start=1):
-                for one in opened:
-                    handed |= {id: (row, number) for id, row in one.fresh.items() if id not in handed}
+                for ledger in opened:
+                    handed |= {id: (row, number) for id, row in ledger.fresh.items() if id not in handed}
         except BaseException as error:  # a page may call exit
             first = (str(error).splitlines() or [""])[0]
             wrong.append(f"{name}: cell {number + 1} stops: {type(error).__name__}: {first[:200]}")
@@ -333,7 +333,7 @@ def _numbers(row: Row) -> list[str]:
     """Return the computed number of a row, or the sides of the inequalities that decide a statement."""
     if not row.is_statement:
         return [row.computed]
-    sides = [(one.left, one.right) for one in Evidence.parse(row.evidence).inequalities]
+    sides = [(inequality.left, inequality.right) for inequality in Evidence.parse(row.evidence).inequalities]
     return [side for pair in sides for side in pair]
 
 
@@ -394,7 +394,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     >>> judge(row, replace(row, computed="1.309852345"), Shaker("demo", only_prints=True))
     'moves by 3.1e-05 as prints alone are off: its basis is from-print or fitted'
     """
-    far, stays, found = distance(row, new), making(row.made)[1], row.found.partition(" | ")[0]
+    far, stays, value = distance(row, new), making(row.made)[1], row.found.partition(" | ")[0]
     if shaker.only_prints:
         if not _starts_clean(row) or row.same(new):
             return ""
@@ -403,13 +403,13 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
         return "hands back its own print"
     # Prints change each by a different share. The changes may nearly cancel, so only an equal number is a copy.
     if far < (COPIED if row.basis != "from-print" else 1e-12):
-        return "" if stays else f"stays at {found}"
+        return "" if stays else f"stays at {value}"
     if stays == "count" and _rounded(row, new):  # it moved to the next place of its grid
         return ""
     if stays:
         return f"moves by {far:.1e}, so 'made' needs no {stays!r}"
     if _rounded(row, new):
-        return f"is rounded, {found}"
+        return f"is rounded, {value}"
     if far < PRINTED and row.basis != "from-print":
         return f"moves by {far:.1e}, as print does: its basis is from-print, not {row.basis}"
     return ""
@@ -464,7 +464,7 @@ def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]
     """Run each page in a forked process, which inherits the imports, a few at a time. Return the runs by page."""
     fork, waiting = get_context("fork"), [*paths]
     running: dict[Any, tuple[str, Any]] = {}
-    found: dict[str, Run] = {}
+    results: dict[str, Run] = {}
     while waiting or running:
         while waiting and len(running) < WORKERS:
             path = waiting.pop(0)
@@ -477,14 +477,14 @@ def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]
         for end in ready:
             name, child = running.pop(end)
             try:
-                found[name] = end.recv()
+                results[name] = end.recv()
             except EOFError:  # the child ended without a result
-                found[name] = Run(name, {}, (f"{name}: its process died",))
+                results[name] = Run(name, {}, (f"{name}: its process died",))
             child.join()
             off = "prints" if shaker.only_prints else "library"
-            progress = f"[{len(found)}/{len(paths)}] {name}, {off} off"
-            print("\n  ".join([progress, *found[name].wrong]), file=sys.stderr, flush=True)
-    return found
+            progress = f"[{len(results)}/{len(paths)}] {name}, {off} off"
+            print("\n  ".join([progress, *results[name].wrong]), file=sys.stderr, flush=True)
+    return results
 
 
 def shake(
@@ -533,7 +533,7 @@ def shake(
     exact = run_all(first, book, replace(shaker, only_prints=True))
     shaker.wrap_package()
     runs = run_all(paths, book, shaker)
-    wrong = [*dict.fromkeys(line for one in (*exact.values(), *runs.values()) for line in one.wrong)]
+    wrong = [*dict.fromkeys(line for each in (*exact.values(), *runs.values()) for line in each.wrong)]
     print(*(f"{line}\n" for line in wrong), sep="", end="")
     for paper in chosen:
         head, *refused = report(rows[paper], shaker, runs, exact)

@@ -159,12 +159,12 @@ def tolerance(note: str, printed: Decimal) -> Decimal | None:
     >>> tolerance("measured with noise: tolerance 5 %", Decimal("2.0"))
     Decimal('0.10')
     """
-    found = _TOLERANCE.findall(note)
-    if not found:
+    tolerances = _TOLERANCE.findall(note)
+    if not tolerances:
         return None
-    if len(found) > 1:
+    if len(tolerances) > 1:
         raise LedgerError("the note sets more than one tolerance")
-    size, percent = found[0]
+    size, percent = tolerances[0]
     width = Decimal(size) * (abs(printed) / 100 if percent else 1)
     if width < unit(printed) / 2:  # A value could then round to the print and still be refused.
         raise LedgerError(f"the tolerance {width} is finer than the printed digits of {printed}")
@@ -317,10 +317,10 @@ class Relation:
         True
         """
         words, *marks = (part.strip() for part in text.split("|"))
-        found = _RELATION.fullmatch(words)
-        if not found:
+        match = _RELATION.fullmatch(words)
+        if not match:
             raise LedgerError(f"relation {text!r} does not read like 'IAE of PIDA < IAE of PID | clearly'")
-        left, sign, right = (part or "" for part in found.groups())
+        left, sign, right = (part or "" for part in match.groups())
         some, parts = marks[-1:] == ["some"], _PARTS.fullmatch(marks[-1]) if marks else None
         convention = " | ".join(marks[:-1] if some or parts else marks)
         if sign not in _BOUNDS.get(convention, ()):
@@ -408,13 +408,13 @@ class Relation:
         groups = [{n: pair for n, pair in pairs.items() if declared[n] == side} for side in (True, False)]
         if not all(groups):
             raise LedgerError("a statement that holds in part has a case that holds and one that fails")
-        found = []
+        decisive = []
         for word, group in zip(("holds", "fails"), groups, strict=True):
             names = "; ".join(group).replace("{", "{{").replace("}", "}}")
             relation = replace(self, parts=(), some=word == "fails")
             which = f"{word} in {len(group)} of {len(pairs)}: {names}"
-            found.append(relation._evidence(group, digits, which))
-        return replace(found[0], but=found[1])
+            decisive.append(relation._evidence(group, digits, which))
+        return replace(decisive[0], but=decisive[1])
 
     def _slack(self, left: float, right: float) -> tuple[float, tuple[str, str]]:
         """Return the relative distance of a case from its nearest bound, negative if it fails, and that bound."""
@@ -422,24 +422,24 @@ class Relation:
             raise LedgerError(f"'==' is for integers, found {left!r} and {right!r}; a residual takes <=")
         if self.convention and not (0 <= left < float("inf") and 0 <= right < float("inf")):
             raise LedgerError(f"{self.convention!r} compares finite magnitudes, found {left} and {right}")
-        found = []
+        bounds = []
         for bound in _BOUNDS[self.convention][self.sign].split(", "):
             sign, _, factor = bound.partition(" ")
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
             # It is rounded, so that rounding errors never exchange two equal cases.
-            found.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
-        return min(found, key=lambda one: one[0])
+            bounds.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
+        return min(bounds, key=lambda pair: pair[0])
 
     def _residual(self, residuals: list[float]) -> "Evidence":
         """Return the evidence of the largest residual: its decade, or all digits if it is larger than rounding."""
-        found, tolerance = max(map(abs, residuals)), float(self.right)
-        if not isfinite(found):
-            raise LedgerError(f"a residual is finite, found {found}")
-        if found > tolerance:
-            return Evidence(_side(found, found, DIGITS), "<=", "", self.right)
-        decade = next(f"1e{power}" for power in range(-30, 400) if found <= float(f"1e{power}"))
+        largest, tolerance = max(map(abs, residuals)), float(self.right)
+        if not isfinite(largest):
+            raise LedgerError(f"a residual is finite, found {largest}")
+        if largest > tolerance:
+            return Evidence(_side(largest, largest, DIGITS), "<=", "", self.right)
+        decade = next(f"1e{power}" for power in range(-30, 400) if largest <= float(f"1e{power}"))
         return Evidence(decade if float(decade) <= tolerance else self.right, "<=", "", self.right)
 
 
@@ -500,10 +500,10 @@ class Evidence:
         'worst of 2: at 1.4'
         """
         first, both, second = text.partition(" || ")
-        found = _EVIDENCE.fullmatch(first)
-        if not found:
+        match = _EVIDENCE.fullmatch(first)
+        if not match:
             raise LedgerError(f"evidence {text!r} is no inequality such as '1.2 < 0.5 * 3.1'")
-        left, sign, factor, right, remark = (part or "" for part in found.groups())
+        left, sign, factor, right, remark = (part or "" for part in match.groups())
         _ = _exact(left), _exact(right)
         return cls(left, sign, factor, right, remark, cls.parse(second) if both else None)
 
@@ -522,7 +522,7 @@ class Evidence:
     def verdict(self) -> str:
         """The verdict of the numbers as written: ``holds``, ``holds-in-part`` or ``fails``."""
         if self.but:
-            verdicts = tuple(one.verdict for one in self.inequalities)
+            verdicts = tuple(inequality.verdict for inequality in self.inequalities)
             return "holds-in-part" if verdicts == ("holds", "fails") else "fails"
         right = _exact(self.right)
         asked = right * _times(self.factor) if self.factor else right
@@ -541,7 +541,7 @@ class Evidence:
         '1.2346 ≱ 1.2349'
         """
         if self.but:
-            return "; ".join(one.shown() for one in self.inequalities)
+            return "; ".join(inequality.shown() for inequality in self.inequalities)
         sides = (self.left, self.right)
         pairs = ([shorten(side, digits) for side in sides] for digits in range(4, DIGITS + 2))
         left, right = next((pair for pair in pairs if len({*pair}) == len({*sides})), sides)

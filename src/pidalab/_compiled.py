@@ -118,7 +118,7 @@ class Kernel:
 def compiled(function: Callable[..., Any]) -> Any:
     """Make a function a kernel. The compiled form releases the interpreter's lock.
 
-    All kernels are in `pidalab.simulation`: a change of its sources compiles them all again.
+    All kernels are in `pidalab.simulation`, and a change of its sources compiles them all again.
     """
     return Kernel(function, function, {})
 

@@ -213,13 +213,13 @@ class Process(Block):
 
 def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float = 0.0) -> tuple[Any, Any]:
     """Return num exp(-s delay) and den at complex s, or raise on overflow."""
-    at = _check.complex_array("s", s)
+    points = _check.complex_array("s", s)
     try:
         with np.errstate(over="raise", invalid="raise"):
-            return np.polyval(num, at) * np.exp(-at * delay), np.polyval(den, at)
+            return np.polyval(num, points) * np.exp(-points * delay), np.polyval(den, points)
     except FloatingPointError:
-        largest = at.flat[
-            np.argmax(np.abs(at / 2))
+        largest = points.flat[
+            np.argmax(np.abs(points / 2))
         ]  # Without the factor 1/2 the modulus of the largest numbers would overflow.
         raise ValueError(f"s must be smaller, since the values overflow, found {largest:.3g}") from None
 

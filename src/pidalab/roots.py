@@ -107,10 +107,10 @@ def _of_nonzero(coefficients: Array) -> Any:
 
 def _of_quadratic(scaled: Array) -> Any:
     """Return the roots of s^2 + b s + c, without cancellation."""
-    half, inside = -0.5 * scaled[1], 0.25 * scaled[1] ** 2 - scaled[2]
+    half_sum, inside = -0.5 * scaled[1], 0.25 * scaled[1] ** 2 - scaled[2]
     if inside < 0:
-        return np.array([complex(half, np.sqrt(-inside)), complex(half, -np.sqrt(-inside))])
-    large = half + np.copysign(np.sqrt(inside), half)
+        return np.array([complex(half_sum, np.sqrt(-inside)), complex(half_sum, -np.sqrt(-inside))])
+    large = half_sum + np.copysign(np.sqrt(inside), half_sum)
     return np.array([large, scaled[2] / large], dtype=complex)
 
 

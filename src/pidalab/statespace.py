@@ -111,16 +111,16 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
         for numerator, denominator in zip(v[::-1], q[::-1], strict=True):
             above, below = above * p + numerator, below * p + denominator
         top = -above / below
-        rest = [c + top * d for c, d in zip(v, q, strict=True)]
+        remainder = [c + top * d for c, d in zip(v, q, strict=True)]
         w = [top]
         if abs(p) <= 1.0:
-            for c in rest[:0:-1]:
+            for c in remainder[:0:-1]:
                 w.append(c + p * w[-1])
             v = w[::-1]
         else:
             last = 0j
             v = []
-            for c in rest[:-1]:
+            for c in remainder[:-1]:
                 last = (last - c) / p
                 v.append(last)
             v.append(top)

@@ -24,9 +24,9 @@ def driven(process, t, u):
 @pytest.mark.parametrize("h", [0.01, 0.05])
 def test_step(process, h):
     """A coarse record is as good as a fine one, since the output starts smoothly. Only rounding of y is left."""
-    found = areas.from_record(*step_record(process, h=h), 10, start=(0.0, 0.0))
-    assert found.values == pytest.approx(areas.from_process(process, 10), rel=1e-5)
-    assert found.settled
+    measured = areas.from_record(*step_record(process, h=h), 10, start=(0.0, 0.0))
+    assert measured.values == pytest.approx(areas.from_process(process, 10), rel=1e-5)
+    assert measured.settled
 
 
 def test_units_and_levels():
@@ -34,29 +34,29 @@ def test_units_and_levels():
     t, _, y = step_record(G2)
     u = np.where(t < 4.0, 30.0, 26.0)
     y = 70.0 - 4.0 * 2.5 * np.concatenate([np.zeros(400), y[:-400]])
-    found = areas.from_record(60 * t, u, y, 6)
-    assert found.values == pytest.approx(2.5 * areas.from_process(G2, 6) * 60.0 ** np.arange(6), rel=1e-8)
-    assert (found.input_levels, found.output_levels) == (pytest.approx((30, 26)), pytest.approx((70, 60)))
-    assert found.gain == pytest.approx(2.5)
-    assert found.span[0] == pytest.approx(240.0)
+    measured = areas.from_record(60 * t, u, y, 6)
+    assert measured.values == pytest.approx(2.5 * areas.from_process(G2, 6) * 60.0 ** np.arange(6), rel=1e-8)
+    assert (*measured.input_levels, *measured.output_levels) == pytest.approx((30, 26, 70, 60))
+    assert measured.gain == pytest.approx(2.5)
+    assert measured.span[0] == pytest.approx(240.0)
 
 
 def test_any_change_of_a_held_input():
     t = 0.01 * np.arange(6001)
     u = np.select([t < 1, t < 3, t < 3.5, t < 8], [2.0, 5.0, -1.0, 4.0], 3.0)
-    found = areas.from_record(t, u, 7.0 + driven(G1, t, u - 2.0), 8)
-    assert found.values == pytest.approx(areas.from_process(G1, 8), rel=1e-5)
+    measured = areas.from_record(t, u, 7.0 + driven(G1, t, u - 2.0), 8)
+    assert measured.values == pytest.approx(areas.from_process(G1, 8), rel=1e-5)
 
 
 def test_record_of_a_closed_loop():
     """A change of the set point under digital PID control: the areas are those of the process, not of the loop."""
     t = 0.02 * np.arange(6001)
     record = pidalab.simulate_sampled(pidalab.Loop(G1, pidalab.PIDA(kp=1.2, ti=3.0, td=0.9)), t, setpoint=2.0)
-    found = areas.from_record(t, record.u, record.y, 6, start=(0.0, 0.0))
-    assert found.values == pytest.approx(areas.from_process(G1, 6), rel=1e-5)
+    measured = areas.from_record(t, record.u, record.y, 6, start=(0.0, 0.0))
+    assert measured.values == pytest.approx(areas.from_process(G1, 6), rel=1e-5)
 
 
-# Uncertainty
+# Uncertainty.
 
 
 @pytest.mark.parametrize("hold", [1, 5])
@@ -78,9 +78,7 @@ def test_uncertainty_matches_the_spread_of_many_records(process, horizon, noise,
     assert np.all(error > 0.1 * claimed)
     assert np.median([r.noise for r in records]) == pytest.approx(noise, rel=0.1)
     correlation = records[0].covariance / np.outer(records[0].uncertainty, records[0].uncertainty)
-    assert (
-        np.linalg.eigvalsh(correlation).min() > 1e-9
-    )  # noise on the way: errors of the areas differ in every way
+    assert np.linalg.eigvalsh(correlation).min() > 1e-9  # the errors of the areas are not fully correlated
 
 
 @pytest.mark.parametrize("process", [G1, G2, pidalab.lags(3, delay=0.5)])
@@ -107,17 +105,17 @@ def test_uncertainty_covers_quantisation(step, noise):
     """A tail below half a quantum does not show, and the record looks noise-free."""
     t, u, y = step_record(G1, 50.0, 0.02)
     y = step * np.round(y / step + noise * np.random.default_rng(0).normal(size=t.size))
-    found = areas.from_record(t, u, y, 6, start=(0.0, 0.0))
-    assert np.all(np.abs(found.values - areas.from_process(G1, 6)) < 2.5 * found.uncertainty)
-    assert found.uncertainty[1] < 30 * step
+    measured = areas.from_record(t, u, y, 6, start=(0.0, 0.0))
+    assert np.all(np.abs(measured.values - areas.from_process(G1, 6)) < 2.5 * measured.uncertainty)
+    assert measured.uncertainty[1] < 30 * step
 
 
 def test_a_short_record_warns():
     with pytest.warns(RecordWarning, match="still drifts at its end"):
-        found = areas.from_record(*step_record(G1, 8.0), 4, start=(0.0, 0.0))
-    error = np.abs(found.values - areas.from_process(G1, 4))
-    assert not found.settled
-    assert np.all(error < 3 * found.uncertainty)
+        measured = areas.from_record(*step_record(G1, 8.0), 4, start=(0.0, 0.0))
+    error = np.abs(measured.values - areas.from_process(G1, 4))
+    assert not measured.settled
+    assert np.all(error < 3 * measured.uncertainty)
 
 
 def test_a_record_gives_the_areas_of_its_arrays():
@@ -128,7 +126,7 @@ def test_a_record_gives_the_areas_of_its_arrays():
     assert areas.from_record(pidalab.Record(1000.0 + t, u, y), count=6).values == pytest.approx(
         expected.values, rel=1e-6
     )
-    # irregular times, and an input that is measured with noise
+    # irregular times, and a noisy input
     rng = np.random.default_rng(0)
     moved = np.sort(t + 0.009 * rng.uniform(-1.0, 1.0, t.size))
     messy = pidalab.Record(
@@ -137,7 +135,7 @@ def test_a_record_gives_the_areas_of_its_arrays():
     assert areas.from_record(messy, count=3).values == pytest.approx(expected.values[:3], rel=0.02)
 
 
-# What the uncertainty is made of, computed in another way.
+# The levels, span and noise from which the uncertainty is computed.
 
 
 def test_measured_areas_hold_levels_span_and_noise():
@@ -145,8 +143,8 @@ def test_measured_areas_hold_levels_span_and_noise():
     u = np.where(t < 2.0, 5.0, 7.0)
     y = 20.0 + driven(pidalab.lags(2), t, u - 5.0)
     y += np.resize([0.01, -0.01], 600)
-    found = areas.from_record(t, u, y, 2)
-    assert found.input_levels == (5.0, 7.0)
-    assert found.output_levels == pytest.approx((20.0, 22.0), abs=1e-3)
-    assert found.span[0] == 2.0
-    assert found.noise == pytest.approx(0.01, rel=1e-3)
+    measured = areas.from_record(t, u, y, 2)
+    assert measured.input_levels == (5.0, 7.0)
+    assert measured.output_levels == pytest.approx((20.0, 22.0), abs=1e-3)
+    assert measured.span[0] == 2.0
+    assert measured.noise == pytest.approx(0.01, rel=1e-3)

@@ -16,13 +16,13 @@ G1, G2 = pidalab.lags(4), pidalab.lags(2, delay=0.5)
 
 @pytest.mark.parametrize("order", [1, 2, 5])
 def test_lags(order):
-    found = areas.from_process(pidalab.lags(order, lag=2.0, gain=-3.0), 12)
-    assert found.tolist() == [-3.0 * math.comb(order + k - 1, k) * 2.0**k for k in range(12)]
+    values = areas.from_process(pidalab.lags(order, lag=2.0, gain=-3.0), 12)
+    assert values.tolist() == [-3.0 * math.comb(order + k - 1, k) * 2.0**k for k in range(12)]
 
 
 def test_dead_time_zeros_and_a_common_factor():
-    found = areas.from_process(pidalab.Process([2.0], [1.0], delay=0.75), 20)
-    assert found.tolist() == [float(2 * Fraction(3, 4) ** k / math.factorial(k)) for k in range(20)]
+    values = areas.from_process(pidalab.Process([2.0], [1.0], delay=0.75), 20)
+    assert values.tolist() == [float(2 * Fraction(3, 4) ** k / math.factorial(k)) for k in range(20)]
     # (1 - 3 s)/(s + 1) = 4/(s + 1) - 3
     zero = areas.from_process(pidalab.Process([-3.0, 1.0], [1.0, 1.0]), 5)
     assert zero.tolist() == [1.0, 4.0, 4.0, 4.0, 4.0]

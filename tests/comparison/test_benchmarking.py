@@ -16,7 +16,7 @@ from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.rules.classical import simc
 
-DRIFT = 2e-3  # as on the page: the study follows noise to 1e-7 of its square, and stores five digits
+DRIFT = 2e-3  # as on the page: the study computes noise to 1e-7 of its square, and stores five digits
 PLANTS = ["P2 T=1", "P4 n=4", "P8 a=0.5"]
 PLAIN = pidalab.lags(3, delay=1.0)
 
@@ -118,7 +118,7 @@ def expected(benchmark):
         for rows, name in ((others, None), (benchmark.rows, "mi_ne")):
             for row in rows[(rows.terms == terms) & rows.iae_load.notna()].itertuples():
                 if (row.plant, "any") in least:
-                    shares = [row.iae_load / least.get((row.plant, one), np.nan) for one in (row.kind, "any")]
+                    shares = [row.iae_load / least.get((row.plant, k), np.nan) for k in (row.kind, "any")]
                     table.setdefault((terms, name or row.rule, row.kind), []).append(shares)
     return {key: np.array(shares) for key, shares in table.items()}
 
@@ -126,9 +126,9 @@ def expected(benchmark):
 @pytest.mark.parametrize("terms", ["loud", "quiet"])
 def test_ranking_matches_plain_dictionaries(benchmark, expected, terms):
     table = benchmark.ranking(terms)
-    own = {key[1:]: shares for key, shares in expected.items() if key[0] == terms}
-    assert set(table.index) == set(own)
-    for key, shares in own.items():
+    by_rule = {key[1:]: shares for key, shares in expected.items() if key[0] == terms}
+    assert set(table.index) == set(by_rule)
+    for key, shares in by_rule.items():
         row = table.loc[key].to_numpy(float)
         by_hand = [len(shares), np.nanmedian(shares[:, 0]), *np.quantile(shares[:, 1], (0.5, 0.9))]
         assert row == pytest.approx(by_hand), key
@@ -156,10 +156,10 @@ def test_a_plant_in_other_units_has_the_same_rows():
         for process in (PLAIN, other)
     ]
     assert [row["terms"] for row in rows[0]] == ["own", "loud", "quiet"]
-    for one, two in zip(*rows, strict=True):
-        assert one.keys() == two.keys()
-        for name, value in one.items():
-            assert two[name] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-4)), name
+    for row, other in zip(*rows, strict=True):
+        assert row.keys() == other.keys()
+        for name, value in row.items():
+            assert other[name] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-4)), name
 
 
 @pytest.mark.parametrize(
@@ -182,9 +182,9 @@ def test_figure_draws_quantiles_of_each_rule_best_first(benchmark, expected, ter
     (axes,) = benchmark.plot(terms).axes
     labels = [label.get_text() for label in axes.get_yticklabels()]
     bars, medians = axes.get_lines()[::2], axes.get_lines()[1::2]
-    own = {f"{key[1]} {key[2]}": x[:, 1] for key, x in expected.items() if (key[0], key[2]) == (terms, "PI")}
-    assert set(labels) == set(own)
+    shares = {f"{rule} PI": x[:, 1] for (t, rule, kind), x in expected.items() if (t, kind) == (terms, "PI")}
+    assert set(labels) == set(shares)
     for label, bar, median in zip(labels, bars, medians, strict=True):
-        low, middle, high = np.quantile(own[label], (0.1, 0.5, 0.9))
+        low, middle, high = np.quantile(shares[label], (0.1, 0.5, 0.9))
         assert (*bar.get_xdata(), *median.get_xdata()) == pytest.approx((low, high, middle))
     assert np.all(np.diff([median.get_xdata()[0] for median in medians]) <= 0)  # the best is at the top

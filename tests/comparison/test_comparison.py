@@ -11,25 +11,25 @@ def integrating():
 
 
 def row(table, rule, kind):
-    (found,) = [one for one in table.rows if (one.rule, one.kind) == (rule, kind)]
-    return found
+    (match,) = [candidate for candidate in table.rows if (candidate.rule, candidate.kind) == (rule, kind)]
+    return match
 
 
 def test_no_rule_within_the_limits_beats_the_optimum_of_its_kind(integrating):
     for kind in ("PI", "PID", "PIDA"):
         best = row(integrating, "optimal", kind)
         assert integrating.keeps(best)
-        rivals = [one for one in integrating.rows if one.kind == kind and integrating.keeps(one)]
-        assert min(one.iae_load for one in rivals) >= best.iae_load * 0.999
+        rivals = [rival for rival in integrating.rows if rival.kind == kind and integrating.keeps(rival)]
+        assert min(rival.iae_load for rival in rivals) >= best.iae_load * 0.999
 
 
 def test_a_rule_that_does_not_apply_is_a_row_with_the_reason(integrating):
-    found = row(integrating, "direct load", "PIDA")
-    assert not found.applies
-    assert found.design is None
-    assert "integrating" in found.reason
+    refused = row(integrating, "direct load", "PIDA")
+    assert not refused.applies
+    assert refused.design is None
+    assert "integrating" in refused.reason
     for text in (str(integrating), integrating._repr_html_()):
-        assert found.reason[:30] in text
+        assert refused.reason[:30] in text
         assert "keeps both limits" in text
 
 

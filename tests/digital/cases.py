@@ -60,14 +60,14 @@ def record(k, seed=0, n=300):
         "retuned": rng.random(n) < 0.03,
     }
     rows = {name: rows[name] for name in program(k).inputs}
-    # numbers that single precision has, too
+    # numbers that are exact in single precision
     return {name: x if x.dtype == bool else x.astype(np.float32).astype(float) for name, x in rows.items()}
 
 
 def reference(k, rows):
     """Return the control signals of `DigitalController.step`."""
     k.reset()
-    found = []
+    signals = []
     for values in zip(*(x.tolist() for x in rows.values()), strict=True):
         now = dict(zip(rows, values, strict=True))
         if now.get("retuned"):
@@ -76,5 +76,5 @@ def reference(k, rows):
             now[f"{way}_value"] if now[mode] else None
             for way, mode in (("manual", "manual"), ("track", "tracking"))
         )
-        found.append(k.step(now["setpoint"], now["measurement"], *acts, now.get("feedforward", 0.0)))
-    return np.array(found)
+        signals.append(k.step(now["setpoint"], now["measurement"], *acts, now.get("feedforward", 0.0)))
+    return np.array(signals)

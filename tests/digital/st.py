@@ -33,7 +33,7 @@ STATEMENT = re.compile(
 def name_of(text):
     if KEYWORD.fullmatch(text) or not re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*", text):
         raise SyntaxError(f"{text} is no name")
-    return text.lower()  # the language does not tell capitals from small letters
+    return text.lower()  # the language does not distinguish upper and lower case
 
 
 def literal(kind, text):
@@ -44,39 +44,39 @@ def literal(kind, text):
 
 def expression(text):
     """Translate an expression to Python, in which variables are attributes of `own`."""
-    found, at = [], 0
-    while at < len(text):
-        token = TOKEN.match(text, at)
+    words, position = [], 0
+    while position < len(text):
+        token = TOKEN.match(text, position)
         if not token:
-            raise SyntaxError(f"what is {text[at:]!r}?")
-        at, kind, word = token.end(), token.lastgroup, token[0]
+            raise SyntaxError(f"what is {text[position:]!r}?")
+        position, kind, word = token.end(), token.lastgroup, token[0]
         if kind == "name" and word not in WORDS:
             word = word.lower() if word.startswith(".") else f"own.{name_of(word)}"
-        found.append(WORDS.get(word, SIGNS.get(word, word)) if kind else " ")
-    return "".join(found)
+        words.append(WORDS.get(word, SIGNS.get(word, word)) if kind else " ")
+    return "".join(words)
 
 
 def python(body):
     """Translate the statements of a block to the source of a function of its instance."""
-    lines, indent, at = ["def run(own):"], "    ", 0
-    while body[at:].strip():
-        found = STATEMENT.match(body, at)
-        if not found:
-            raise SyntaxError(f"no statement: {body[at : at + 60]!r}")
-        at, one = found.end(), found.groupdict()
-        if one["otherwise"] or one["end"]:
+    lines, indent, position = ["def run(own):"], "    ", 0
+    while body[position:].strip():
+        statement = STATEMENT.match(body, position)
+        if not statement:
+            raise SyntaxError(f"no statement: {body[position : position + 60]!r}")
+        position, parts = statement.end(), statement.groupdict()
+        if parts["otherwise"] or parts["end"]:
             indent = indent[4:]
-        if one["called"]:
-            given = (argument.split(" := ") for argument in re.split(r",\s+", one["arguments"]))
+        if parts["called"]:
+            given = (argument.split(" := ") for argument in re.split(r",\s+", parts["arguments"]))
             arguments = ", ".join(f"{name_of(name)}={expression(value)}" for name, value in given)
-            lines.append(f"{indent}own.{name_of(one['called'])}({arguments})")
-        elif one["target"]:
-            lines.append(f"{indent}own.{name_of(one['target'])} = {expression(one['value'])}")
-        elif not one["end"]:
-            choice = f"if truth({expression(one['condition'])}):" if one["condition"] else "else:"
-            if one["index"]:
-                span = f"range({expression(one['first'])}, {expression(one['last'])} + 1)"
-                choice = f"for own.{name_of(one['index'])} in {span}:"
+            lines.append(f"{indent}own.{name_of(parts['called'])}({arguments})")
+        elif parts["target"]:
+            lines.append(f"{indent}own.{name_of(parts['target'])} = {expression(parts['value'])}")
+        elif not parts["end"]:
+            choice = f"if truth({expression(parts['condition'])}):" if parts["condition"] else "else:"
+            if parts["index"]:
+                span = f"range({expression(parts['first'])}, {expression(parts['last'])} + 1)"
+                choice = f"for own.{name_of(parts['index'])} in {span}:"
             lines.append(indent + choice)
             indent += "    "
     return "\n".join(lines)
@@ -92,22 +92,22 @@ def read(text):
     """Return the function blocks of a text by name: the variables of each, and the function that runs it."""
     blocks = {}
     plain = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S)
-    for name, rest in re.findall(r"FUNCTION_BLOCK (\w+)\s+(.*?)END_FUNCTION_BLOCK", plain, re.S):
+    for name, content in re.findall(r"FUNCTION_BLOCK (\w+)\s+(.*?)END_FUNCTION_BLOCK", plain, re.S):
         variables, space = {}, {"truth": truth}
-        for section, declared in SECTION.findall(rest):
-            for line in filter(None, (" ".join(one.split()) for one in declared.split(";"))):
-                own, last, kind, value = VARIABLE.fullmatch(line).groups()
-                own = name_of(own)
-                if own in variables or not (kind in TYPES or kind.lower() in blocks):
+        for section, declared in SECTION.findall(content):
+            for line in filter(None, (" ".join(item.split()) for item in declared.split(";"))):
+                variable, last, kind, value = VARIABLE.fullmatch(line).groups()
+                variable = name_of(variable)
+                if variable in variables or not (kind in TYPES or kind.lower() in blocks):
                     raise SyntaxError(f"{line}: declared twice, or of no type")
                 initial = TYPES.get(kind)
                 if last:
-                    initial = [literal(kind, one) for one in value.strip("[] ").split(", ")]
+                    initial = [literal(kind, item) for item in value.strip("[] ").split(", ")]
                     assert len(initial) == int(last) + 1
                 elif value:
                     initial = literal(kind, value)
-                variables[own] = (section, kind, initial)
-        source = python(SECTION.sub("", rest))
+                variables[variable] = (section, kind, initial)
+        source = python(SECTION.sub("", content))
         if unknown := {*re.findall(r"\bown\.(\w+)", source)} - {*variables}:
             raise SyntaxError(f"not declared: {unknown}")
         exec(source, space)
@@ -123,12 +123,12 @@ class Instance:
         self._kinds = {variable: (section, kind) for variable, (section, kind, _) in variables.items()}
         self._real = real
         for variable, (_, kind, value) in variables.items():
-            made = Instance(blocks, kind.lower(), real) if kind not in TYPES else self._cast(kind, value)
-            vars(self)[variable] = made
+            initial = Instance(blocks, kind.lower(), real) if kind not in TYPES else self._cast(kind, value)
+            vars(self)[variable] = initial
 
     def _cast(self, kind, value):
         if isinstance(value, list):
-            return [self._cast(kind, one) for one in value]
+            return [self._cast(kind, item) for item in value]
         wanted = {"BOOL": (bool, np.bool_), "INT": int}.get(kind, (float, self._real))
         if not isinstance(value, wanted) or (kind != "BOOL" and isinstance(value, bool)):
             raise TypeError(f"{value!r} is no {kind}")

@@ -51,7 +51,7 @@ def test_another_unit_of_the_output_changes_no_control_signal(name):
     run = simulate_sampled(loop, t, 0.7, load=0.3)
     low, high = loop.limits
     assert np.all((run.u >= low - 1e-12) & (run.u <= high + 1e-12))
-    # the same in other units: gains, limits, rate and deadband go with them
+    # in another unit of the output gains and deadband change
     gains = tuple(path._replace(gains=tuple(g / 50.0 for g in path.gains)) for path in k.paths)
     growth = k.growth if k.from_signal else tuple(g / 50.0 for g in k.growth)
     scaled = dataclasses.replace(k, paths=gains, growth=growth, deadband=50.0 * k.deadband)
@@ -71,7 +71,7 @@ def test_a_controller_starts_at_rest():
         assert k.step(y, y) == pytest.approx(k.bias, abs=1e-12), name
         if k.integrates:
             k.reset(u=1.0)
-            assert k.step(y + 1.0, y) == 1.0, name  # whatever the error is, no bump
+            assert k.step(y + 1.0, y) == 1.0, name  # the error causes no bump
         k.reset(r=y, y=y, u=k.bias)
         again = k.step(y, y)
         assert again == pytest.approx(k.bias, abs=1e-12)
@@ -84,7 +84,7 @@ def test_no_bump_on_the_way_back_from_manual(name):
     k.reset()
     for _ in range(30):
         k.step(y, y, manual=k.bias + 1.0)
-    # without an integral nothing could hold it
+    # a controller without integral cannot hold the signal
     assert k.step(y, y) == pytest.approx(k.bias + 1.0 * k.integrates, abs=1e-9)
 
 
@@ -115,7 +115,7 @@ def test_reset_is_a_lag_behind_the_limited_signal():
         u = k.step(float(error), 0.0)
         new = integral + h / (ti + h) * (u - integral)
         cut += abs(u - kp * error - new) > 1e-9
-        # the signal is what proportional part and lag add up to, or a limit
+        # the signal is the sum of proportional part and lag, or a limit
         assert (
             abs(u - kp * error - new) < 1e-12 or u in (-0.5, 0.6) or abs(u - last) == pytest.approx(4.0 * h)
         )
@@ -166,12 +166,12 @@ def test_a_digital_controller_is_immutable_and_compares_by_its_fields():
     with pytest.raises(dataclasses.FrozenInstanceError):
         k.bias = 3.0
     assert "_states" not in repr(k)
-    with pytest.raises(TypeError, match="positional"):  # its fields have names
+    with pytest.raises(TypeError, match="positional"):  # its fields are keyword-only
         DigitalController(0.1)
     again = pickle.loads(pickle.dumps(k))
     assert again == k
     k.step(1.0, 0.0)
-    assert again == k  # states are no part of what it is
+    assert again == k  # states do not count in comparisons
     rows = record(k)
     np.testing.assert_array_equal(reference(again, rows), reference(k, rows))
     assert repr(k) == "PIDA(kp=1.3, ti=3.3, td=0.0, ta=0.0, n=10.0, m=10.0).discretise(0.1, 'backward', " + (
@@ -189,7 +189,7 @@ def test_transfer_function_matches_steps(own, method):
     """The impulse response, summed over z^-k, is the transfer function."""
     k = own.discretise(0.1, method)
     z = np.array([1.7, -1.6 + 0.5j, 2.5j])
-    k.step(0.0, 0.0)  # a start at rest
+    k.step(0.0, 0.0)  # the controller starts at rest
     answers = np.array([k.step(0.0, -1.0 if i == 0 else 0.0) for i in range(120)])
     expected = [np.sum(answers / at ** np.arange(120)) for at in z]
     np.testing.assert_allclose(k(z), expected, rtol=1e-9)

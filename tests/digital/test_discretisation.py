@@ -43,9 +43,10 @@ def held_at(controller, h, time, order, z):
             generator[j, j], generator[j, j - 1 if j > 1 else n + 1] = -1 / lag, 1 / lag
         transition = mp.expm(generator * mp.mpf(h))
         phi, gamma = transition[: n + 1, : n + 1], transition[: n + 1, n + 1]
-        rest = mp.lu_solve(mp.mpc(z) * mp.eye(n + 1) - phi, gamma)
-        powers = [mp.mpf(1), *(rest[j] for j in range(1, n + 1))]  # of the chain, then s times it, and so on
-        total += part.gains[0] * rest[0]
+        states = mp.lu_solve(mp.mpc(z) * mp.eye(n + 1) - phi, gamma)
+        # the chain, then s times the chain, and so on
+        powers = [mp.mpf(1), *(states[j] for j in range(1, n + 1))]
+        total += part.gains[0] * states[0]
         for gain in part.gains[1:]:
             total += gain * powers[-1]
             last = lags[n - len(powers) + 1 :] if len(powers) > 1 else []
@@ -60,7 +61,7 @@ def held_at(controller, h, time, order, z):
 def test_substitutions(name, way):
     for method, s in (("backward", (1 - 1 / Z) / H), ("tustin", 2 / H * (Z - 1) / (Z + 1))):
         if name == "filtered I" and way == "reset":
-            continue  # no integral time to go by
+            continue  # the reset needs kp
         k = CONTROLLERS[name].discretise(H, method, anti_windup=way)
         np.testing.assert_allclose(k(Z), CONTROLLERS[name](s), rtol=1e-9)
         np.testing.assert_allclose(k.transfer_function()(Z), k(Z), rtol=1e-6)
@@ -74,12 +75,13 @@ def test_held_input(name, h):
 
 
 def test_reset_behind_a_held_input():
-    """The controller is (1 + lag of the signal, one sample late) times the stabilising controller."""
-    own = CONTROLLERS["series"]
-    stabiliser = HighOrderPID([0.0, own.kp, own.kd, own.ka], own.filter_time, own.filter_order)
-    a = math.exp(-H / own.ti)
+    """The series is (1 + lag of the signal, one sample late) times the stabilising series."""
+    series = CONTROLLERS["series"]
+    gains = [0.0, series.kp, series.kd, series.ka]
+    stabiliser = HighOrderPID(gains, series.filter_time, series.filter_order)
+    a = math.exp(-H / series.ti)
     expected = np.array(held(stabiliser, H)) * (1 + (1 - a) / (Z - 1))
-    np.testing.assert_allclose(own.discretise(H, "zoh")(Z), expected, rtol=1e-9)
+    np.testing.assert_allclose(series.discretise(H, "zoh")(Z), expected, rtol=1e-9)
 
 
 PID = PIDA(1.0, 2.0, 0.5)
@@ -107,8 +109,8 @@ def test_gain_of_back_calculation():
     """Back-calculation uses the root of integral and derivative time, the reset the integral time."""
     h, ti, td = 0.1, 2.0, 0.5
 
-    def gain(way, own=PID):
-        return own.discretise(h, anti_windup=way).back_calculation_gain
+    def gain(way, controller=PID):
+        return controller.discretise(h, anti_windup=way).back_calculation_gain
 
     assert gain("reset") == pytest.approx(h / (ti + h))
     assert gain("back-calculation") == pytest.approx(h / (math.sqrt(ti * td) + h))

@@ -48,10 +48,10 @@ def test_prefilter_of_the_controller_matches_prefilter_of_the_loop(name):
     r = np.where(t < 10.0, 1.0, -0.5)
     plain = PIDA(1.3, 3.3).discretise(H, "zoh")
     expected = pidalab.simulate_sampled(pidalab.Loop(process, plain, prefilter=filters), t, setpoint=r)
-    own = PIDA(1.3, 3.3).discretise(H, "zoh", prefilter=filters)
-    found = pidalab.simulate_sampled(pidalab.Loop(process, own), t, setpoint=r)
-    np.testing.assert_allclose(found.y, expected.y, rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(found.u, expected.u, rtol=1e-9, atol=1e-10)
+    with_prefilter = PIDA(1.3, 3.3).discretise(H, "zoh", prefilter=filters)
+    run = pidalab.simulate_sampled(pidalab.Loop(process, with_prefilter), t, setpoint=r)
+    np.testing.assert_allclose(run.y, expected.y, rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(run.u, expected.u, rtol=1e-9, atol=1e-10)
 
 
 def test_discretise_includes_the_prefilter_of_a_design():
@@ -61,9 +61,9 @@ def test_discretise_includes_the_prefilter_of_a_design():
     h = 0.01
     t = h * np.arange(2000)
     k = design.discretise(h, "zoh", limits=(-math.inf, math.inf))
-    found = pidalab.simulate_sampled(pidalab.Loop(design.model, k), t, setpoint=1.0)
+    run = pidalab.simulate_sampled(pidalab.Loop(design.model, k), t, setpoint=1.0)
     expected = pidalab.simulate_sampled(design.loop(), t, setpoint=1.0)
-    np.testing.assert_allclose(found.y, expected.y, atol=1e-9)
+    np.testing.assert_allclose(run.y, expected.y, atol=1e-9)
     left = design.discretise(h, "zoh", prefilter=None, limits=(-math.inf, math.inf))
     assert left.prefilter is None
     assert "prefilter" not in repr(left)

@@ -114,15 +114,15 @@ def run(request):
 
 
 def test_output_stays_within_limits_and_faults_are_reported(run):
-    k, rows, found = run
+    k, rows, outputs = run
     low, high = k.limits
-    u = np.array([each[0] for each in found])
+    u = np.array([each[0] for each in outputs])
     assert np.isfinite(u).all()
     assert np.all((low <= u) & (u <= high))
-    assert [each[1] for each in found] == [not needed(row) for row in rows]
-    assert 0.03 < np.mean([each[1] for each in found]) < 0.3
+    assert [each[1] for each in outputs] == [not needed(row) for row in rows]
+    assert 0.03 < np.mean([each[1] for each in outputs]) < 0.3
     before = k.bias
-    for row, (signal, fault, _) in zip(rows, found, strict=True):
+    for row, (signal, fault, _) in zip(rows, outputs, strict=True):
         if fault and not (row["manual"] and abs(row["manual_value"]) <= 1e9):
             assert signal == before
         before = signal
@@ -130,20 +130,20 @@ def test_output_stays_within_limits_and_faults_are_reported(run):
 
 def test_bad_samples_are_skipped(run):
     """Outside manual mode, where the operator drives the signal, a run with bad samples equals the run without them."""
-    k, rows, found = run
+    k, rows, outputs = run
     kept = [
         (row, each)
-        for row, each in zip(rows, found, strict=True)
+        for row, each in zip(rows, outputs, strict=True)
         if not row["manual"] and not row.get("retuned")
     ]
-    # a run of its own over the samples out of manual, with the bad ones and without
-    outputs = []
+    # run the samples outside manual mode, with the bad ones and without
+    signals = []
     for chosen in (kept, [pair for pair in kept if needed(pair[0])]):
         k.reset()
-        outputs.append([by_step(k, row) for row, _ in chosen])
+        signals.append([by_step(k, row) for row, _ in chosen])
     good = [needed(row) for row, _ in kept]
     assert not all(good)
-    assert np.array(outputs[0])[good].tolist() == outputs[1]
+    assert np.array(signals[0])[good].tolist() == signals[1]
 
 
 def test_python_structured_text_and_json_match_step(run):
@@ -171,15 +171,15 @@ def by_c(k, folder):
             " ".join(str(int(x)) if isinstance(x, bool) else repr(float(x)) for x in row) for row in values
         )
         done = subprocess.run([str(folder / "loop")], input=lines, capture_output=True, text=True, check=True)
-        found = [line.split() for line in done.stdout.splitlines()]
-        return [(float(u), fault == "1", limit == "1") for u, fault, limit in found]
+        answers = [line.split() for line in done.stdout.splitlines()]
+        return [(float(u), fault == "1", limit == "1") for u, fault, limit in answers]
 
     return ran
 
 
 def test_c_matches_step(run, tmp_path):
-    k, rows, found = run
-    assert by_c(k, tmp_path)(rows) == found
+    k, rows, outputs = run
+    assert by_c(k, tmp_path)(rows) == outputs
 
 
 @pytest.mark.parametrize("name", ["integral_tustin", "fed_clamping", "tuned_reset"])
@@ -222,7 +222,7 @@ def closed(k, code, spell=None):
     In a spell one signal is bad in every sample, in the mode that needs it; or each is bad at times.
     """
     rng = np.random.default_rng(7)
-    rows, found, x = [], [], k.bias
+    rows, signals, x = [], [], k.bias
     for i in range(SPELL.stop + 2 * RETURN):
         late = i >= SPELL.start + 10
         row = {"setpoint": k.y_offset + 1.0 * late, "measurement": k.y_offset + x - k.bias}
@@ -236,9 +236,9 @@ def closed(k, code, spell=None):
                 row |= {"manual_value": {"manual": True}, "track_value": {"tracking": True}}.get(name, {})
         u = code(**row)
         rows.append(row)
-        found.append((x - k.bias, u))
+        signals.append((x - k.bias, u))
         x += -math.expm1(-H) * (u - 0.5 * late - x)
-    return rows, np.array(found)
+    return rows, np.array(signals)
 
 
 @pytest.mark.parametrize("name", LOOPS)
@@ -259,16 +259,16 @@ def test_a_loop_returns_within_twenty_samples_of_the_last_bad_one(name, tmp_path
     for spell in SPELLS:
         if spell in SIGNALS and spell not in program(k).inputs:
             continue
-        rows, found = closed(k, reference_of(k), spell)
+        rows, signals = closed(k, reference_of(k), spell)
         last = max(i for i, row in enumerate(rows) if not needed(row))
         assert last >= SPELL.stop - 3
-        apart = np.abs(found - good)
+        apart = np.abs(signals - good)
         most = np.max(apart[: last + 1], axis=0)
-        assert most[0] > 0.2, spell  # the spell was felt
+        assert most[0] > 0.2, spell  # the bad samples had an effect
         assert np.all(apart[last + RETURN :] < RESIDUE * np.maximum(1.0, most)), spell
         for code in (by_python(k).step, by_text(k).step, reference_of(from_json(k.json()))):
-            assert closed(k, code, spell)[1].tolist() == found.tolist()
-        assert [u for u, *_ in c(rows)] == found[:, 1].tolist()
+            assert closed(k, code, spell)[1].tolist() == signals.tolist()
+        assert [u for u, *_ in c(rows)] == signals[:, 1].tolist()
 
 
 def test_manual_mode_works_with_a_broken_sensor_and_transfers_without_a_bump():
@@ -280,7 +280,7 @@ def test_manual_mode_works_with_a_broken_sensor_and_transfers_without_a_bump():
     assert k.at_limit
     assert k.step(1.0, math.nan, manual=math.nan) == 100.0
     assert k.step(1.0, math.nan) == 100.0  # back in automatic, still without a measurement
-    assert k.step(1.0, 1.0) == 100.0  # and with one: it goes on from there
+    assert k.step(1.0, 1.0) == 100.0  # with a measurement it continues from there
     assert k.step(1.0, 1.5) == pytest.approx(100.0 - 1.0 - 0.125)
 
 
@@ -303,10 +303,10 @@ def test_reset_restarts_the_controller_in_every_language(name):
     expected = [k.step(0.3, y) for y in (0.0, 0.5, 0.1)]
     block, text = by_python(k), by_text(k)
     for start in range(3):
-        found = []
+        signals = []
         for i, y in enumerate((0.0, 0.5, 0.1)):
             text(setpoint=0.3, measurement=y, reset=bool(start and i == 0))
-            found.append((block.step(0.3, y), text.control))
-        assert found == [(u, u) for u in expected]
+            signals.append((block.step(0.3, y), text.control))
+        assert signals == [(u, u) for u in expected]
         block.reset()
     assert "void loop_reset(loop_state *s)" in k.c("loop")

@@ -32,7 +32,7 @@ def unstable_poles(process, controller):
     def characteristic(w):
         return np.polyval(opened, 1j * w) + np.polyval(closed, 1j * w) * np.exp(-1j * w * process.delay)
 
-    # up to a frequency beyond which |L| stays so small that the rational part alone turns the function
+    # beyond this frequency |L| is small, so that the rational part alone turns the function
     largest = 10 * max(1.0, np.abs(roots).max())
     while abs(np.polyval(closed, 1j * largest) / np.polyval(opened, 1j * largest)) > 1e-3:
         largest *= 3

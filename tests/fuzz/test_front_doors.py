@@ -34,12 +34,12 @@ def test_a_design_keeps_what_it_promises(process, kind, ms, sampled):
     )
     if design is None:
         return
-    # with the half sample that a held signal waits, which the design counts as dead time
+    # a held signal is late by half a sample, which the design counts as dead time
     loop = design.loop(Process(process.num, process.den, process.delay + (0.05 if sampled else 0.0)))
     runs = Loop(process, design.controller.discretise(0.1)) if sampled else loop
-    found = pidalab.margins(runs)
-    assert found.stable
-    assert found.ms <= ms * (1 + 2e-3)  # with the dead time that a design may leave out
+    margins = pidalab.margins(runs)
+    assert margins.stable
+    assert margins.ms <= ms * (1 + 2e-3)  # a design may neglect a very short dead time
     assert design.ms == pytest.approx(pidalab.margins(design.loop(process)).ms, rel=2e-3)
     # the IAE is at least the error's integral, which the integral gain gives
     ki = design.controller.gains().ki

@@ -9,7 +9,7 @@ from hypothesis import assume, example, given, strategies as st
 
 import pidalab
 
-NEAR = 1e-3  # share of the largest value by which a response may differ from the slow series
+NEAR = 1e-3  # allowed difference from the series, relative to the largest value
 
 
 def characteristic_turns(loop, gain=1.0, later=0.0):
@@ -30,12 +30,12 @@ def test_responses(loop):
     assume(fastest * end < 12)
     t, y = second.response(lambda s: loop.transfer("y", "d", s) / s, end, fastest)
     u = second.response(lambda s: loop.transfer("u", "d", s) / s, end, fastest)[1]
-    at = np.linspace(0, end, 301)
-    response = pidalab.load_response(loop, at)
-    for found, expected in ((response.y, y), (response.u, u)):
-        # a kink is smeared over a step of the series: a third of what one step changes, at the kink itself
+    times = np.linspace(0, end, 301)
+    response = pidalab.load_response(loop, times)
+    for values, expected in ((response.y, y), (response.u, u)):
+        # the series smooths a kink over one step
         allowed = NEAR * max(np.abs(expected).max(), 1e-12) + 0.5 * np.abs(np.diff(expected)).max()
-        np.testing.assert_allclose(found, np.interp(at, t, expected), rtol=0, atol=allowed)
+        np.testing.assert_allclose(values, np.interp(times, t, expected), rtol=0, atol=allowed)
 
 
 @drawn.cases(15)
@@ -53,28 +53,28 @@ def test_unstable_poles(loop):
 @given(drawn.loops())
 def test_margins(loop):
     """A loop is stable just within its margins and unstable just beyond them. No frequency has a larger sensitivity."""
-    found = pidalab.margins(loop)
-    assert found.stable == characteristic_turns(loop)
-    if not found.stable:
-        assert found.unstable_poles > 0
-        assert found.ms >= abs(loop.S(1j * max(found.wms, 1e-9))) * (1 - 1e-6) or math.isinf(found.wms)
+    margins = pidalab.margins(loop)
+    assert margins.stable == characteristic_turns(loop)
+    if not margins.stable:
+        assert margins.unstable_poles > 0
+        assert math.isinf(margins.wms) or margins.ms >= abs(loop.S(1j * max(margins.wms, 1e-9))) * (1 - 1e-6)
         return
     inside, beyond = 1 - 1e-3, 1 + 1e-3
-    if math.isfinite(found.gm):
-        assert characteristic_turns(loop, 1 + (found.gm - 1) * inside)
-        assert not characteristic_turns(loop, 1 + (found.gm - 1) * beyond)
-    if found.gm_low > 0:
-        assert not characteristic_turns(loop, found.gm_low * inside)
-        assert characteristic_turns(loop, found.gm_low * beyond)
-    if math.isfinite(found.dm):
-        assert characteristic_turns(loop, later=found.dm * inside)
-        assert not characteristic_turns(loop, later=found.dm * beyond)
+    if math.isfinite(margins.gm):
+        assert characteristic_turns(loop, 1 + (margins.gm - 1) * inside)
+        assert not characteristic_turns(loop, 1 + (margins.gm - 1) * beyond)
+    if margins.gm_low > 0:
+        assert not characteristic_turns(loop, margins.gm_low * inside)
+        assert characteristic_turns(loop, margins.gm_low * beyond)
+    if math.isfinite(margins.dm):
+        assert characteristic_turns(loop, later=margins.dm * inside)
+        assert not characteristic_turns(loop, later=margins.dm * beyond)
     w = np.geomspace(1e-5, 1e4, 20_000)
-    assert np.abs(loop.S(1j * w)).max() <= found.ms * (1 + 1e-9)
-    assert np.abs(loop.T(1j * w)).max() <= found.mt * (1 + 1e-9)
-    for height, where, of in ((found.ms, found.wms, loop.S), (found.mt, found.wmt, loop.T)):
+    assert np.abs(loop.S(1j * w)).max() <= margins.ms * (1 + 1e-9)
+    assert np.abs(loop.T(1j * w)).max() <= margins.mt * (1 + 1e-9)
+    for height, where, transfer in ((margins.ms, margins.wms, loop.S), (margins.mt, margins.wmt, loop.T)):
         if 0 < where < math.inf:
-            assert math.isclose(abs(of(1j * where)), height, rel_tol=1e-6)
+            assert math.isclose(abs(transfer(1j * where)), height, rel_tol=1e-6)
 
 
 @drawn.cases(4)
@@ -85,15 +85,15 @@ def test_noise_gain(loop, waits, sample_time):
     p = loop.process
     controller = loop.controller.discretise(sample_time)
     try:
-        found = pidalab.noise_gain(
+        gain = pidalab.noise_gain(
             pidalab.Loop(pidalab.Process(p.num, p.den, waits * sample_time), controller), sample_time
         )
     except ValueError as refused:
-        found, said = None, str(refused)
-    if found is None:
+        gain, said = None, str(refused)
+    if gain is None:
         assert "stable" in said, said
         return
     digital = controller.transfer_function()
     u = second.sampled_pulse(p, waits, (digital.num[0][0], digital.den[0][0]), sample_time, 20_000)
     assume(abs(u[-1]) < 1e-9)
-    assert math.isclose(found, math.sqrt(np.sum(u**2)), rel_tol=1e-5)
+    assert math.isclose(gain, math.sqrt(np.sum(u**2)), rel_tol=1e-5)

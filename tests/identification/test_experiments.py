@@ -94,7 +94,7 @@ def test_gain_step_size_and_rest_value(gain, step, rest):
 def inflection(order, lag):
     """Return slope and intercept of the tangent at the steepest point of the step response of 1/(lag s + 1)^order."""
     time = (order - 1) * lag
-    slope = gammainc(order, order - 1.0)  # level there
+    slope = gammainc(order, order - 1.0)  # level at this time
     density = (order - 1.0) ** (order - 1) * np.exp(1.0 - order) / math.factorial(order - 1) / lag
     return density, time - slope / density
 
@@ -191,22 +191,22 @@ def test_a_record_gives_the_model_of_its_arrays():
     y = pidalab.open_loop_step(PLANT, t).y
     assert fields(three_point(historian())) == pytest.approx(fields(three_point(t, y)), rel=1e-4)
     for rule in (ipdt_tangent, ipdt_least_squares):
-        found, expected = rule(historian()), rule(t, y)
-        assert (found.num[0], found.delay) == pytest.approx((expected.num[0], expected.delay), rel=1e-3)
+        model, expected = rule(historian()), rule(t, y)
+        assert (model.num[0], model.delay) == pytest.approx((expected.num[0], expected.delay), rel=1e-3)
 
 
 def test_noise_and_irregular_times_change_the_model_little():
     messy = historian(noise=0.03, irregular=0.8)  # 0.2 % of the change
     assert fields(three_point(messy)) == pytest.approx(fields(three_point(historian())), rel=0.06)
     # the step is known to a sample interval only, the longest of which is 0.9
-    clean, found = ipdt_least_squares(historian()), ipdt_least_squares(messy)
-    assert found.num[0] == pytest.approx(clean.num[0], rel=0.03)
-    assert found.delay == pytest.approx(clean.delay, abs=0.9)
+    clean, noisy = ipdt_least_squares(historian()), ipdt_least_squares(messy)
+    assert noisy.num[0] == pytest.approx(clean.num[0], rel=0.03)
+    assert noisy.delay == pytest.approx(clean.delay, abs=0.9)
     # a line over a third of the rise is less steep than the tangent, by the curvature
-    clean, found = ipdt_tangent(historian()), ipdt_tangent(messy)
-    assert (found.num[0], found.delay) == pytest.approx((clean.num[0], clean.delay), rel=0.1)
+    clean, noisy = ipdt_tangent(historian()), ipdt_tangent(messy)
+    assert (noisy.num[0], noisy.delay) == pytest.approx((clean.num[0], clean.delay), rel=0.1)
     single = ipdt_tangent(messy, span=0.5)  # the steepest sample is noise
-    assert abs(single.num[0] - clean.num[0]) > abs(found.num[0] - clean.num[0])
+    assert abs(single.num[0] - clean.num[0]) > abs(noisy.num[0] - clean.num[0])
 
 
 def settled(moved=0.0, first=0.04, top=1.0, count=40):
@@ -250,9 +250,9 @@ def test_time_of_rise_in_closed_form():
     t = 0.5 * np.arange(50.0)
     y = 3.0 - 2.0 * np.interp(np.arange(50.0), [10, 30], [0.0, 1.0])
     assert _rise_time(t, y) == pytest.approx(0.5 * (29 - 11))
-    y[40] = 3.0  # a sample that falls back later changes nothing
+    y[40] = 3.0  # a later sample that falls back has no effect
     assert _rise_time(t, y) == pytest.approx(0.5 * (29 - 11))
-    # the last tenth is five samples: their mean is what is risen to
+    # the last tenth is five samples, whose mean is the final level
     assert _rise_time(t, np.append(np.arange(45.0), [60, 70, 50, 40, 30])) == pytest.approx(0.5 * (45 - 4))
     assert _rise_time(t[:2], np.array([0.0, 1.0])) == pytest.approx(0.5)
     assert _rise_time(t[:9], np.arange(9.0)) == pytest.approx(0.5 * 8)  # the last of nine
@@ -279,8 +279,8 @@ def test_the_least_squares_ramp_begins_within_the_shortest_stretch():
         first = int(np.flatnonzero((y + 1) / 4 < rise)[-1]) + 1
         ramps = [_hinge(t[: end + 1], y[: end + 1] + 1) for end in range(max(first, 4), 60)]
         slope, delay = max(ramps)
-        found = ipdt_least_squares(t, y, step=2.0, rise=rise)
-        assert (found.num[0], found.delay) == pytest.approx((slope / 2, delay), rel=1e-12)
+        model = ipdt_least_squares(t, y, step=2.0, rise=rise)
+        assert (model.num[0], model.delay) == pytest.approx((slope / 2, delay), rel=1e-12)
 
 
 def test_a_record_of_five_samples_is_enough():

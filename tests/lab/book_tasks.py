@@ -53,13 +53,13 @@ def texts(path: Path) -> Iterator[str]:
 
 def tasks_of_the_book() -> list[Task]:
     """Return every task, in the order of the pages."""
-    found = []
+    tasks = []
     for path in sorted(each for end in ("ipynb", "md") for each in ROOT.glob(f"book/**/*.{end}")):
         for text in texts(path):
             for block in BLOCK.finditer(text):
                 parts = parts_of(block["content"])
-                found.append(Task(block["label"], block["title"], path.stem, parts))
-    return found
+                tasks.append(Task(block["label"], block["title"], path.stem, parts))
+    return tasks
 
 
 class Judge:

@@ -7,7 +7,7 @@ from py_mini_racer import MiniRacer
 
 SCRIPT = Path(__file__).resolve().parents[2] / "book" / "_static" / "lab" / "engine.js"
 
-# JSON has no infinity and no nan: they travel as words.
+# JSON has no infinity and no nan, so they are sent as strings.
 CALL = """(name, text) => {
   const asked = JSON.parse(text), words = (key, x) =>
     ArrayBuffer.isView(x) ? [...x] : typeof x === "number" && !Number.isFinite(x) ? String(x) : x;
@@ -27,10 +27,10 @@ class Engine:
 
     def __getattr__(self, name):
         def function(**asked):
-            found = json.loads(self.call(name, json.dumps(asked)))
-            if "error" in found:
-                raise ValueError(found["error"])
-            return {key: NUMBERS.get(x, x) if isinstance(x, str) else x for key, x in found.items()}
+            answer = json.loads(self.call(name, json.dumps(asked)))
+            if "error" in answer:
+                raise ValueError(answer["error"])
+            return {key: NUMBERS.get(x, x) if isinstance(x, str) else x for key, x in answer.items()}
 
         return function
 

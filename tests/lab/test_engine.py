@@ -59,9 +59,9 @@ def random_loops(count, seed=20):
         yield pidalab.Loop(process, random_controller(rng, scale)), (scale + 2) * rng.uniform(5, 25), step
 
 
-def distance(found, true):
+def distance(values, true):
     """Return the largest deviation, relative to the largest value."""
-    return np.abs(np.array(found) - true).max() / np.abs(true).max()
+    return np.abs(np.array(values) - true).max() / np.abs(true).max()
 
 
 def test_responses_and_margins_of_random_loops(engine):
@@ -71,17 +71,17 @@ def test_responses_and_margins_of_random_loops(engine):
         said = repr(loop)
         verdict = pidalab.is_stable(loop)
         stable += verdict
-        found = engine.margins(**case)
-        assert found["stable"] is verdict, said
+        margins = engine.margins(**case)
+        assert margins["stable"] is verdict, said
         if verdict:
             true = pidalab.margins(loop)
             for name in ("ms", "gm", "pm", "dm"):
-                assert found[name] == pytest.approx(getattr(true, name), rel=1e-4), (name, said)
+                assert margins[name] == pytest.approx(getattr(true, name), rel=1e-4), (name, said)
         else:
-            end = min(end, 10 * loop.process.delay or 1.0)  # before it overflows
+            end = min(end, 10 * loop.process.delay or 1.0)  # before the response overflows
         try:
             true = pidalab.simulate(loop, np.linspace(0.0, end, POINTS), setpoint=setpoint, load=load)
-        except ValueError as refusal:  # of what grows, rounding may leave fewer digits than are promised
+        except ValueError as refusal:  # rounding may leave too few digits of a growing response
             if verdict or "rounding leaves" not in str(refusal):
                 raise
             refused += 1
@@ -95,8 +95,8 @@ def test_responses_and_margins_of_random_loops(engine):
 def test_mks_is_that_of_the_library(engine):
     for loop, _, _ in random_loops(60, seed=21):
         if pidalab.is_stable(loop):
-            found = engine.margins(**asked(loop.process, loop.controller))["mks"]
-            assert found == pytest.approx(max_control_sensitivity(loop)[0], rel=1e-4), repr(loop)
+            mks = engine.margins(**asked(loop.process, loop.controller))["mks"]
+            assert mks == pytest.approx(max_control_sensitivity(loop)[0], rel=1e-4), repr(loop)
 
 
 def test_closed_form_of_an_integrator_with_dead_time(engine):
@@ -106,9 +106,9 @@ def test_closed_form_of_an_integrator_with_dead_time(engine):
     t = np.linspace(0.0, 3.0, 301)
     y = np.where(t < 1, 0.0, (t - 1) / 2) - np.where(t < 2, 0.0, (t - 2) ** 2 / 8)
     assert np.abs(np.array(run["y"]) - y).max() < 1e-12
-    found = engine.margins(**loop)
-    assert found["gm"] == pytest.approx(math.pi, rel=1e-12)
-    assert found["dm"] == pytest.approx(math.pi - 1, rel=1e-12)
+    margins = engine.margins(**loop)
+    assert margins["gm"] == pytest.approx(math.pi, rel=1e-12)
+    assert margins["dm"] == pytest.approx(math.pi - 1, rel=1e-12)
 
 
 def off(engine, true, process, controller, limits=None, **more):
@@ -135,13 +135,15 @@ def test_digital_controller_with_limits_and_noise(engine, way):
 def test_automatic_reset(engine):
     """The fastest real zero gives the reset time. It may be the double zero of PIDA_1, or one of rounded gains."""
     process, t, limits = pidalab.ipdt(1.0, delay=1.0), 0.02 * np.arange(1501), (-0.1, 0.1)
-    own = automatic_reset.tune(process, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
+    series = automatic_reset.tune(process, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
     held, backward = (
         pidalab.simulate_sampled(pidalab.Loop(process, controller), t, 1.0, limits=limits)
-        for controller in (own, own.discretise(0.02, limits=limits))
+        for controller in (series, series.discretise(0.02, limits=limits))
     )
-    exact = pidalab.HighOrderPID(list(own.gains()), own.filter_time, own.filter_order)
-    rounded = pidalab.HighOrderPID([round(k, 5) for k in own.gains()], own.filter_time, own.filter_order)
+    exact = pidalab.HighOrderPID(list(series.gains()), series.filter_time, series.filter_order)
+    rounded = pidalab.HighOrderPID(
+        [round(k, 5) for k in series.gains()], series.filter_time, series.filter_order
+    )
     for true, controller, method, close in (
         (held, exact, "held", 1e-6),
         (held, rounded, "held", 0.01),
@@ -179,9 +181,9 @@ def test_backward_differences(engine, h, way, names):
 def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
     """The dead time is not a multiple of the sample time, 0.2."""
     process, controller = pidalab.Process(num, den, delay), pidalab.HighOrderPID([0.2, 0.3], 0.0, 0)
-    # without a filter they differ by a sample of the integral
-    for method, own in (("backward", controller.discretise(0.2)), ("held", controller)):
-        true = pidalab.simulate_sampled(pidalab.Loop(process, own), 0.2 * np.arange(101), 1.0, load=-0.3)
+    # without a filter the methods differ by a sample of the integral
+    for method, ours in (("backward", controller.discretise(0.2)), ("held", controller)):
+        true = pidalab.simulate_sampled(pidalab.Loop(process, ours), 0.2 * np.arange(101), 1.0, load=-0.3)
         assert off(engine, true, process, controller, method=method) < 1e-9
 
 
@@ -190,9 +192,9 @@ def test_gain_margin_of_a_loop_whose_gain_stays_finite(engine, gains):
     """The gain at high frequency, where every phase occurs, hides no larger crossover."""
     process = pidalab.Process([1.0], [1.0], delay=0.37)
     controller = pidalab.HighOrderPID(gains, 0.28, 2)
-    found = engine.margins(**asked(process, controller))
+    margins = engine.margins(**asked(process, controller))
     true = pidalab.margins(pidalab.Loop(process, controller))
-    assert found["gm"] == pytest.approx(true.gm, rel=1e-6)
+    assert margins["gm"] == pytest.approx(true.gm, rel=1e-6)
 
 
 def test_limits_hold_and_wide_limits_change_nothing(engine):
@@ -221,9 +223,9 @@ def test_cache_tells_loops_apart(engine):
     before = engine.margins(**case), engine.simulate(**case, **run)["y"]
     for key, change in changed:
         other = {**case, key: {**case[key], **change}}
-        found = engine.margins(**other), engine.simulate(**other, **run)["y"]
-        assert found == ((fresh := Engine()).margins(**other), fresh.simulate(**other, **run)["y"]), change
-        assert found != before, change
+        answers = engine.margins(**other), engine.simulate(**other, **run)["y"]
+        assert answers == ((fresh := Engine()).margins(**other), fresh.simulate(**other, **run)["y"]), change
+        assert answers != before, change
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.0])
@@ -239,7 +241,7 @@ def test_a_peak_between_two_points_is_resolved_and_limited(engine, delay):
     assert max(engine.simulate(**case)["fine"]["u"]) == 3.0 < peak
 
 
-TOO_SHORT = "controller.filterTime .* is too short beside the plant.* the shortest that serves is about"
+TOO_SHORT = "controller.filterTime .* is too short for this plant.* the shortest allowed one is about"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.9, 4.7])
@@ -254,13 +256,13 @@ def test_a_fast_filter_is_simulated_or_refused(engine, lags, order, delay):
         return controller, engine.simulate(**asked(process, controller), end=20.0, points=401, setpoint=1.0)
 
     for time in (0.1, 0.01, 1e-3, 1e-4, 3e-5):
-        controller, found = run(time)
+        controller, response = run(time)
         true = pidalab.step_response(pidalab.Loop(process, controller), t)
-        assert max(distance(found["y"], true.y), distance(found["u"], true.u)) < 1e-6, time
+        assert max(distance(response["y"], true.y), distance(response["u"], true.u)) < 1e-6, time
     for time in (1e-6, 1e-7, 1e-9, 1e-12):
         with pytest.raises(ValueError, match=TOO_SHORT) as refused:
             run(time)
-        run(2 * float(str(refused.value).rsplit(" ", 1)[-1]))  # what it names serves
+        run(2 * float(str(refused.value).rsplit(" ", 1)[-1]))  # the filter time that the message names works
 
 
 BAD = [

@@ -25,8 +25,8 @@ def page():
 
 @pytest.fixture(scope="module")
 def names(page):
-    found = page.context.eval("JSON.stringify(pidalabHidden.names())")
-    return [name.strip('" []') for name in found.split(",")]
+    text = page.context.eval("JSON.stringify(pidalabHidden.names())")
+    return [name.strip('" []') for name in text.split(",")]
 
 
 def best_of(plant):
@@ -67,12 +67,12 @@ def test_points_are_those_of_the_true_plant(page, names):
     for name in names:
         plant = page.plant(name=name)
         assert page.judged(name=name, given=answer_of(plant, 0.999))["points"] >= 99, name
-        if name != "tank level":  # less gain makes a loop around an integrator less robust
+        if name != "tank level":  # with an integrator less gain reduces robustness
             assert 20 < page.judged(name=name, given=answer_of(plant, 0.5))["points"] < 80, name
         for factor, word in ((1.3, "Ms must be at most 1.6"), (50.0, "Unstable"), (-1.0, "other sign")):
-            found = page.judged(name=name, given=answer_of(plant, factor))
-            assert found["points"] == 0, (name, factor)
-            assert word in found["say"], (name, found["say"])
+            verdict = page.judged(name=name, given=answer_of(plant, factor))
+            assert verdict["points"] == 0, (name, factor)
+            assert word in verdict["say"], (name, verdict["say"])
         noisy = page.judged(name=name, given={**answer_of(plant, 0.9), "Tf": plant["best"]["filterTime"] / 2})
         assert noisy["points"] == 0, name
 
@@ -91,5 +91,5 @@ def test_a_step_test_shows_the_plant_and_its_noise(page, names):
         process = best_of(plant).process
         first = int(np.argmax(u))
         clean = np.append(np.zeros(first), pidalab.open_loop_step(process, t).y)[: t.size]
-        rest = y - clean - np.mean(y - clean)
-        assert 0.003 < np.std(rest) / np.ptp(clean) < 0.03, name
+        noise = y - clean - np.mean(y - clean)
+        assert 0.003 < np.std(noise) / np.ptp(clean) < 0.03, name

@@ -34,7 +34,7 @@ def ruled(model, rule, process, knob, **design):
     return model.rule(rule=rule, process=plant, design={**start, **design}, knob=knob)
 
 
-# What a study does most often: look at the loop at a frequency, go on by a piece of the dead time or by a sample.
+# The most frequent operations: a frequency response at one point, a step over a piece of the dead time or a sample.
 WORK = {
     "frequencies": "function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {",
     "pieces": "function apply(matrix, x, result) {",
@@ -83,12 +83,12 @@ def test_a_change_needs_few_operations(plant, conditions, counting):
     by_gain = counting.work(**asked, changed={"design": {"kp": 0.31}})
     assert 0 < sum(by_gain.values()) < 50_000
     by_noise = counting.work(**asked, changed={"conditions": {"noise": 0.03}})
-    assert by_noise["frequencies"] == 0  # margins and curves stay, and only they
+    assert by_noise["frequencies"] == 0  # margins and curves are cached
     by_limits = counting.work(**asked, changed={"conditions": {"limits": [-0.3, 0.8]}})
-    assert by_limits["frequencies"] == by_limits["pieces"] == 0  # nor the response without limits
+    assert by_limits["frequencies"] == by_limits["pieces"] == 0  # the response without limits is cached
     by_sample_time = counting.work(**asked, changed={"conditions": {"sampleTime": 0.06}})
-    assert by_sample_time["frequencies"] == 0  # the grid is that of the controller as designed
-    # one for each piece of a sample, for whatever is run with it, and one or two for the point halfway
+    assert by_sample_time["frequencies"] == 0  # the frequency grid does not depend on the sample time
+    # one for each piece of a sample, and one or two for the midpoint
     assert 0 < by_sample_time["matrices"] <= 4
 
 
@@ -99,17 +99,18 @@ def test_a_shown_design_stays_in_the_cache(conditions, counting):
     again = counting.work(**asked, changed={"others": others})
     assert sum(again.values()) == 0
     by_noise = counting.work(**asked, changed={"others": others, "conditions": {"noise": 0.04}})
-    assert by_noise["frequencies"] == 0  # nor are its margins and curves
+    assert by_noise["frequencies"] == 0  # margins and curves are cached
 
 
-def loop_of(process, found):
-    kp, order = found["kp"], {"PI": 0, "PID": 1, "PIDA": 2}[found["kind"]]
-    gains = [kp / found["ti"], kp, kp * found["td"], kp * found["ta"]][: order + 2]
-    return pidalab.Loop(process, pidalab.HighOrderPID(gains, found["filterTime"], found["filterOrder"]))
+def loop_of(process, design):
+    kp, order = design["kp"], {"PI": 0, "PID": 1, "PIDA": 2}[design["kind"]]
+    gains = [kp / design["ti"], kp, kp * design["td"], kp * design["ta"]][: order + 2]
+    return pidalab.Loop(process, pidalab.HighOrderPID(gains, design["filterTime"], design["filterOrder"]))
 
 
 PLANTS = [
-    pidalab.Process([1.0], [24.0, 50.0, 35.0, 10.0, 1.0]),  # no lag twice: rounding would spread it
+    # the lags differ, since rounding would spread a double one
+    pidalab.Process([1.0], [24.0, 50.0, 35.0, 10.0, 1.0]),
     pidalab.Process([2.0], [6.0, 11.0, 6.0, 1.0], delay=0.4),
     pidalab.Process([-0.5, 1.0], [30.0, 31.0, 10.0, 1.0], delay=1.0),
     pidalab.Process([1.0], [3.0, 1.0, 0.0], delay=0.5),
@@ -121,28 +122,29 @@ PLANTS = [
 @pytest.mark.parametrize(("kind", "times"), [("PI", (3, 0, 0)), ("PID", (3, 0.9, 0)), ("PIDA", (3, 1, 0.3))])
 def test_gain_rule_returns_the_largest_gain_for_ms(kind, times, ms, model):
     process = pidalab.lags(3, delay=1.0)
-    found = ruled(model, "gain", process, ms, kind=kind, **dict(zip(("ti", "td", "ta"), times, strict=True)))
-    assert pidalab.margins(loop_of(process, found)).ms == pytest.approx(ms, rel=1e-6)
+    design = ruled(model, "gain", process, ms, kind=kind, **dict(zip(("ti", "td", "ta"), times, strict=True)))
+    assert pidalab.margins(loop_of(process, design)).ms == pytest.approx(ms, rel=1e-6)
     for factor in (1.01, 1.1, 1.5, 3.0, 10.0):
-        louder = loop_of(process, {**found, "kp": factor * found["kp"]})
+        louder = loop_of(process, {**design, "kp": factor * design["kp"]})
         assert not pidalab.is_stable(louder) or pidalab.margins(louder).ms > ms
 
 
 @pytest.mark.parametrize("gain", [1.0, -1.0])
 def test_gain_rule_of_an_unstable_plant_has_the_right_sign(gain, model):
     process = pidalab.Process([gain], [1.0, -0.2], delay=0.3)
-    found = ruled(model, "gain", process, 2.0, kind="PI", ti=20)
-    assert np.sign(found["kp"]) == gain
-    assert pidalab.margins(loop_of(process, found)).ms == pytest.approx(2.0, rel=1e-6)
+    design = ruled(model, "gain", process, 2.0, kind="PI", ti=20)
+    assert np.sign(design["kp"]) == gain
+    assert pidalab.margins(loop_of(process, design)).ms == pytest.approx(2.0, rel=1e-6)
 
 
 def test_cancellation_has_the_zeros_of_the_library(model):
     process = pidalab.Process([1.0], [0.8, 3.0, 3.3, 1.0], delay=0.8)
-    found = ruled(model, "cancellation", process, 1.4, kind="PIDA", filterTime=0.01)
-    true = pidalab.rules.haalman.pida(process, ms=1.4, n=100, m=1e4)  # filters far beyond the crossover
-    assert [found[key] for key in ("ti", "td", "ta")] == pytest.approx([true.ti, true.td, true.ta], rel=1e-6)
-    assert pidalab.margins(loop_of(process, found)).ms == pytest.approx(1.4, rel=1e-6)
-    assert found["kp"] == pytest.approx(true.kp, rel=0.05)
+    design = ruled(model, "cancellation", process, 1.4, kind="PIDA", filterTime=0.01)
+    # the filters are far above the crossover
+    true = pidalab.rules.haalman.pida(process, ms=1.4, n=100, m=1e4)
+    assert [design[key] for key in ("ti", "td", "ta")] == pytest.approx([true.ti, true.td, true.ta], rel=1e-6)
+    assert pidalab.margins(loop_of(process, design)).ms == pytest.approx(1.4, rel=1e-6)
+    assert design["kp"] == pytest.approx(true.kp, rel=0.05)
 
 
 INTEGRATOR, THREE_LAGS = pidalab.ipdt(0.5, delay=2.0), pidalab.lags(3, delay=1.0)
@@ -175,17 +177,17 @@ def of_library(rule, process, kind):
     ids=repr,
 )
 def test_rules_are_those_of_the_library(rule, process, kind, model):
-    found = ruled(model, rule, process, 0.7, kind=kind, filterTime=0.3, filterOrder=4)
-    gains = loop_of(process, found).controller.coefficients
+    design = ruled(model, rule, process, 0.7, kind=kind, filterTime=0.3, filterOrder=4)
+    gains = loop_of(process, design).controller.coefficients
     true = of_library(rule, process, kind).gains()
     assert gains == pytest.approx(true[: len(gains)], rel=1e-6 if rule == "magnitude" else 1e-8)
 
 
 def test_itae_reduces_more_lags_by_the_half_rule(model):
-    found = ruled(model, "itaeLoad", pidalab.Process([1.0], [6.0, 11.0, 6.0, 1.0]), None, kind="PID")
-    lags = 3.0, 2.5  # 3, 2 and 1 by half of the last, and the other half is dead time
+    design = ruled(model, "itaeLoad", pidalab.Process([1.0], [6.0, 11.0, 6.0, 1.0]), None, kind="PID")
+    lags = 3.0, 2.5  # the half rule gives half of the lag 1 to the lag 2, and half to the dead time
     model_of_it = pidalab.Process([1.0], np.polymul([lags[0], 1.0], [lags[1], 1.0]), delay=0.5)
-    assert found["kp"] == pytest.approx(itae.pid_load(model_of_it).kc, rel=1e-4)
+    assert design["kp"] == pytest.approx(itae.pid_load(model_of_it).kc, rel=1e-4)
 
 
 FIND = """pidalabEngine.find = ({process, kind, ms, noise}) =>
@@ -194,7 +196,7 @@ with SCRIPT.parents[3].joinpath("tests", "lab", "least_iae.csv").open(encoding="
     LEAST = list(csv.DictReader(file))
 
 
-# Of the 100 those that came farthest above the library, by 0.24 to 0.09 %, and one whose valley was missed by 8 %
+# The cases with the largest IAE relative to the library's
 HARDEST = (39, 28, 10, 23, 75, 90, 27, 4, 49, 11, 56)
 ROWS = range(100) if "FUZZ" in os.environ else HARDEST
 
@@ -211,9 +213,9 @@ def test_least_iae_matches_the_library(part, model):
             float(row["noise"]),
         )
         plant = {"num": num, "den": den, "delay": float(row["delay"])}
-        found = model.find(process=plant, kind=KINDS[int(row["order"])], ms=ms, noise=noise)
-        assert found["iae"] < 1.005 * float(row["iae"]), row
-        loop = loop_of(process, found["design"])
+        optimum = model.find(process=plant, kind=KINDS[int(row["order"])], ms=ms, noise=noise)
+        assert optimum["iae"] < 1.005 * float(row["iae"]), row
+        loop = loop_of(process, optimum["design"])
         assert pidalab.margins(loop).ms <= ms * (1 + 1e-6), row
         assert pidalab.relative_noise_gain(loop) <= noise * (1 + 1e-6), row
 
@@ -223,9 +225,9 @@ def test_least_iae_is_that_of_the_loop_and_falls_with_each_derivative(model):
     process, iae = pidalab.lags(3, delay=1.0), []
     for kind in KINDS:
         plant = {"num": [1.0], "den": [1.0, 3.0, 3.0, 1.0], "delay": 1.0}
-        found = model.find(process=plant, kind=kind, ms=1.4, noise=1.5)
-        true = pidalab.load_response(loop_of(process, found["design"]), np.linspace(0, 100, 10_001)).iae()
-        assert found["iae"] == pytest.approx(true, rel=1e-3)
+        optimum = model.find(process=plant, kind=kind, ms=1.4, noise=1.5)
+        true = pidalab.load_response(loop_of(process, optimum["design"]), np.linspace(0, 100, 10_001)).iae()
+        assert optimum["iae"] == pytest.approx(true, rel=1e-3)
         iae.append(true)
     assert sorted(iae, reverse=True) == iae
 
@@ -233,10 +235,10 @@ def test_least_iae_is_that_of_the_loop_and_falls_with_each_derivative(model):
 def test_a_negative_plant_has_negative_gains(model):
     model.context.eval(FIND)
     plant = {"num": [-2.0], "den": [2.0, 3.0, 1.0], "delay": 0.5}
-    found = model.find(process=plant, kind="PI", ms=1.4, noise=1.5)
-    assert found["design"]["kp"] < 0
+    optimum = model.find(process=plant, kind="PI", ms=1.4, noise=1.5)
+    assert optimum["design"]["kp"] < 0
     other = model.find(process={**plant, "num": [2.0]}, kind="PI", ms=1.4, noise=1.5)
-    assert found["iae"] == pytest.approx(other["iae"], rel=1e-9)
+    assert optimum["iae"] == pytest.approx(other["iae"], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -296,16 +298,16 @@ def test_a_plant_without_lag_and_a_controller_without_filter_have_all_numbers(
     model.context.eval(SHOWN)
     kind, order = ("PID", 2) if td else ("PI", 1)
     design = {"kind": kind, "kp": 0.3, "ti": 2.0, "td": td, "ta": 0, "filterTime": time, "filterOrder": order}
-    found = model.shown(process={"num": num, "den": den, "delay": delay}, design=design, end=40.0)
+    numbers = model.shown(process={"num": num, "den": den, "delay": delay}, design=design, end=40.0)
     controller = pidalab.HighOrderPID([0.15, 0.3, 0.3 * td][: order + 1], time, order if time else 0)
     loop = pidalab.Loop(pidalab.Process(num, den, delay), controller)
-    assert found["ms"] == pytest.approx(pidalab.margins(loop).ms, rel=1e-5)
+    assert numbers["ms"] == pytest.approx(pidalab.margins(loop).ms, rel=1e-5)
     iae = pidalab.load_response(loop, np.linspace(0, 40, 4001)).iae()
-    assert found["iae"] == pytest.approx(iae, rel=0.01)
+    assert numbers["iae"] == pytest.approx(iae, rel=0.01)
     if delay:
-        assert found["sigma"] == pytest.approx(pidalab.relative_noise_gain(loop), rel=1e-6)
+        assert numbers["sigma"] == pytest.approx(pidalab.relative_noise_gain(loop), rel=1e-6)
     else:
-        assert np.isnan(found["sigma"])
+        assert np.isnan(numbers["sigma"])
         with pytest.raises(ValueError, match="plant must have a dead time"):
             pidalab.noise_gain(loop, 0.01)
 
@@ -315,8 +317,8 @@ def test_curves_of_a_digital_loop_are_those_of_the_library(h, model):
     """Compare the sampled process and Ms of the curve."""
     process = pidalab.Process([0.3, 1.0], [2.0, 3.0, 1.0], delay=0.777)
     controller = pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
-    found = model.sampledResponse(**asked(process, controller), sampleTime=h)
-    w, re, im, control = (np.array(found[key]) for key in ("w", "re", "im", "control"))
+    response = model.sampledResponse(**asked(process, controller), sampleTime=h)
+    w, re, im, control = (np.array(response[key]) for key in ("w", "re", "im", "control"))
     plant = np.abs(sampled_plant(process, h)(np.exp(1j * w * h)))
     assert np.hypot(re, im) == pytest.approx(plant * control, rel=1e-9)
     true = pidalab.margins(pidalab.Loop(process, controller.discretise(h))).ms
@@ -334,7 +336,7 @@ SAMPLED = [  # process, gains, filter time and order, sample time, whether stabl
     *((LAGS, [0.5, 1.0], 0.1, 3, h, h != 2.0) for h in (0.1, 1.0, 2.0, 4.0)),
     # a dead time of more than a hundred lags: a peak for each of its turns, and not the first is the highest
     (pidalab.fopdt(1.0, 0.1428, 16.845), [0.0016, 0.9046], 0.0675, 2, 0.168, True),
-    # near the border the impulse response fades slowly
+    # near the border of stability the impulse response decays slowly
     (pidalab.ipdt(2.0, delay=5.0), [0.1, 0.5], 0.1, 1, 0.2, False),
     (pidalab.ipdt(2.0, delay=0.5), [0.02, 0.1], 0.1, 1, 0.2, True),
     (pidalab.Process([0.5], [1.0, 25.0, 40.0, 0.0], delay=0.6), [0.02, 1.0], 0.1, 1, 0.2, True),
@@ -352,17 +354,17 @@ def test_ms_of_a_digital_loop_is_that_from_sample_to_sample(
     """The result does not depend on the length of the drawn response."""
     controller = pidalab.HighOrderPID(gains, time, order)
     loop = pidalab.Loop(process, controller.discretise(h))
-    found = model.sampledMargins(**asked(process, controller), sampleTime=h, end=end)
-    assert not found.get("unknown")
-    assert found["stable"] is pidalab.is_stable(loop) is stable
+    margins = model.sampledMargins(**asked(process, controller), sampleTime=h, end=end)
+    assert not margins.get("unknown")
+    assert margins["stable"] is pidalab.is_stable(loop) is stable
     if stable:
-        assert found["ms"] == pytest.approx(pidalab.margins(loop).ms, rel=1e-3)
+        assert margins["ms"] == pytest.approx(pidalab.margins(loop).ms, rel=1e-3)
 
 
 def test_a_digital_loop_that_takes_too_many_samples_is_unknown(model):
     process, controller = pidalab.fopdt(1.0, 1e5, 1.0), pidalab.HighOrderPID([1e-6, 0.5], 0.1, 1)
-    found = model.sampledMargins(**asked(process, controller), sampleTime=0.01, end=40.0)
-    assert (found["stable"], found["unknown"]) == (False, True)
+    margins = model.sampledMargins(**asked(process, controller), sampleTime=0.01, end=40.0)
+    assert (margins["stable"], margins["unknown"]) == (False, True)
 
 
 @pytest.mark.parametrize("te", [0.02, 0.05, 0.1, 0.3])
@@ -374,21 +376,21 @@ def test_phase_margin_and_peak_beyond_the_crossover(m, te, model):
         design.controller.coefficients[:4], design.controller.filter_time, m + 1
     )
     loop = pidalab.Loop(design.model, controller)
-    found = model.beyond(**asked(loop.process, controller))
+    beyond = model.beyond(**asked(loop.process, controller))
     w = np.geomspace(0.1, 1e4, 400_001)
     value = loop.L(1j * w)
     below = int(np.argmax(np.abs(value) < 1))
     size = np.abs(value[below:])
     rises = np.diff(size) > 0
-    assert found["first"] == pytest.approx(180 + np.angle(value[below], deg=True), abs=0.01)
+    assert beyond["first"] == pytest.approx(180 + np.angle(value[below], deg=True), abs=0.01)
     top = size[int(np.argmax(rises)) :].max() if rises.any() else 0
-    assert found["hump"] == pytest.approx(top, rel=1e-4)
+    assert beyond["hump"] == pytest.approx(top, rel=1e-4)
 
 
 def test_a_falling_gain_has_no_peak_beyond_the_crossover(model):
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.3, 1.0], 0.1, 1))
     assert model.beyond(**asked(loop.process, loop.controller))["hump"] == 0
-    never = pidalab.HighOrderPID([0.0, 0.5], 0.1, 1)  # without an integral the gain begins at a half
+    never = pidalab.HighOrderPID([0.0, 0.5], 0.1, 1)  # without an integral the gain starts at 0.5
     assert np.isnan(model.beyond(**asked(loop.process, never))["hump"])
 
 
@@ -407,18 +409,18 @@ def test_rules_on_equal_terms_have_one_ms_and_one_noise(rule, kind, noise, model
     plant = {"num": [2.0], "den": [1.5, 6.0, 5.5, 1.0], "delay": 0.4, "end": 50.0}
     start = {"kind": kind, "rule": rule, "kp": 1.0, "ti": 1.0, "td": 0.5, "ta": 0.1, **SHAPED[rule]}
     design = {**start, "filterTime": 0.1, "filterOrder": order + 1}
-    found = model.alike(process=plant, design=design, terms={"knob": 1.4, "ms": 1.4, "noise": noise})
-    loop = loop_of(process, found)
+    scaled = model.alike(process=plant, design=design, terms={"knob": 1.4, "ms": 1.4, "noise": noise})
+    loop = loop_of(process, scaled)
     assert pidalab.margins(loop).ms == pytest.approx(1.4, rel=1e-5)
     used = pidalab.relative_noise_gain(loop)
     if used < 0.99 * noise:
-        assert found["filterTime"] == pytest.approx(pidalab.noise_scale(process).sample_time, rel=1e-9)
+        assert scaled["filterTime"] == pytest.approx(pidalab.noise_scale(process).sample_time, rel=1e-9)
     else:
         assert kind != "PI"
         assert used == pytest.approx(noise, rel=3e-4)
-    alone = ruled(model, process=process, knob=1.4, **{**design, "filterTime": found["filterTime"]})
+    alone = ruled(model, process=process, knob=1.4, **{**design, "filterTime": scaled["filterTime"]})
     times = ("ti", "td", "ta")[: order + 1]
-    assert [found[key] for key in times] == pytest.approx([alone[key] for key in times], rel=1e-9)
+    assert [scaled[key] for key in times] == pytest.approx([alone[key] for key in times], rel=1e-9)
 
 
 def test_a_noise_limit_that_no_filter_keeps_is_refused(model):

@@ -49,9 +49,9 @@ PLANTS = {
 
 @pytest.mark.parametrize("process", PLANTS.values(), ids=PLANTS)
 def test_noise_scale_matches_the_library(process, model):
-    found = model.scale(process=plant_of(process))
+    scale = model.scale(process=plant_of(process))
     true = pidalab.noise_scale(process)
-    assert [found["sampleTime"], found["gain"]] == pytest.approx([true.sample_time, true.gain], rel=1e-9)
+    assert [scale["sampleTime"], scale["gain"]] == pytest.approx([true.sample_time, true.gain], rel=1e-9)
 
 
 def doors(process, loop, design, model):
@@ -81,8 +81,8 @@ CONTROLLERS = [
 def test_all_functions_give_the_same_relative_noise_gain(numbers, model):
     process = pidalab.lags(3, delay=1.0)
     design, controller = design_of(*numbers)
-    found = doors(process, pidalab.Loop(process, controller), design, model)
-    assert found == pytest.approx(dict.fromkeys(found, found["library"]), rel=1e-6)
+    gains = doors(process, pidalab.Loop(process, controller), design, model)
+    assert gains == pytest.approx(dict.fromkeys(gains, gains["library"]), rel=1e-6)
 
 
 def test_relative_noise_gain_of_random_loops_matches_the_library(model):
@@ -101,14 +101,14 @@ def test_relative_noise_gain_of_random_loops_matches_the_library(model):
             loop.controller.filter_time,
             loop.controller.filter_order,
         )
-        found = model.judged(process=plant_of(loop.process), design=design)["value"]
+        gain = model.judged(process=plant_of(loop.process), design=design)["value"]
         try:
             true = pidalab.relative_noise_gain(loop)
         except ValueError:
-            assert np.isnan(found), repr(loop)
+            assert np.isnan(gain), repr(loop)
             continue
         compared += 1
-        assert found == pytest.approx(true, rel=1e-6), repr(loop)
+        assert gain == pytest.approx(true, rel=1e-6), repr(loop)
     assert compared > 10
 
 

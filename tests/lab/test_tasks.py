@@ -4,6 +4,7 @@ what the library computes."""
 import math
 import random
 import re
+from itertools import product
 
 import numpy as np
 import pytest
@@ -58,62 +59,35 @@ def controller_of(loop):
     return pidalab.HighOrderPID(gains[: order + 2], loop.get("Tf", 0.0), filtered)
 
 
-def judged_by(data):
-    """Return the names of the facts that decide."""
-    names = [
+@named([task for task in QUICK if "edge" not in task.data])  # near the edge of stability rounding shows
+def test_facts_match_the_library(page, task):
+    """Compare each loop of a task that is continuous and has no limits."""
+    data = task.data
+    given = data["key"] if data["kind"] == "design" else {}
+    judged = [
         *data.get("limits", {}),
         *data.get("least", {}),
         data.get("by"),
         data.get("best", {}).get("fact"),
     ]
-    return {name.split(".")[-1] for name in names if name}
-
-
-def linear_loops(task):
-    """Yield the judge's arguments and the library's loop for each loop without limits or samples."""
-    data = task.data
-    if "edge" in data:  # at the limit of stability the least rounding shows: it has a test of its own
-        return
-    given = data["key"] if data["kind"] == "design" else {}
-    plants = data.get("plants") or {"": data.get("plant")}
-    items = data.get("options") or data.get("items") or [{}]
-    for name, plant in plants.items():
-        for item in items:
-            loop = {**data.get("loop", {}), **item.get("loop", {}), **given}
-            own = item.get("plant", plant)
-            if "kp" in loop and "ti" in loop and own and not {"u0", "sampled", "rule"} & set(loop):
-                asked = {
-                    "kind": "design",
-                    "plant": own,
-                    "loop": {k: v for k, v in loop.items() if k not in given},
-                }
-                yield (
-                    f"{task.label} {name} {item.get('name', '')}",
-                    {**asked, "judged": judged_by(data)},
-                    given,
-                    pidalab.Loop(plant_of(own, given), controller_of(loop)),
-                )
-
-
-LINEAR = [each for task in QUICK for each in linear_loops(task)]
-
-
-@pytest.mark.parametrize(
-    ("asked", "given", "loop"), [one[1:] for one in LINEAR], ids=[one[0] for one in LINEAR]
-)
-def test_facts_match_the_library(page, asked, given, loop):
-    asked = dict(asked)
-    judged = asked.pop("judged")
-    ms, gm, pm, dm = page.facts(asked, given, "ms", "gm", "pm", "dm")
-    found = pidalab.margins(loop)
-    assert [ms, gm, pm, dm] == pytest.approx([found.ms, found.gm, found.pm, found.dm], rel=1e-9)
-    if "noise" in judged:
-        (noise,) = page.facts(asked, given, "noise")
-        assert noise == pytest.approx(pidalab.relative_noise_gain(loop), rel=1e-6)
-    if "iae" in judged:
-        (iae,) = page.facts(asked, given, "iae")
-        t = np.linspace(0, 150, 60001)
-        assert iae == pytest.approx(pidalab.load_response(loop, t).iae(), rel=1e-5)
+    judged = {name.split(".")[-1] for name in judged if name}
+    plants, items = data.get("plants") or {"": data.get("plant")}, data.get("options") or data.get("items")
+    for plant, item in product(plants.values(), items or [{}]):
+        plant, loop = item.get("plant", plant), {**data.get("loop", {}), **item.get("loop", {}), **given}
+        if not plant or not {"kp", "ti"} <= set(loop) or {"u0", "sampled", "rule"} & set(loop):
+            continue
+        parts = {key: value for key, value in loop.items() if key not in given}
+        asked = {"kind": "design", "plant": plant, "loop": parts}
+        of_library = pidalab.Loop(plant_of(plant, given), controller_of(loop))
+        margins = pidalab.margins(of_library)
+        expected = [margins.ms, margins.gm, margins.pm, margins.dm]
+        assert page.facts(asked, given, "ms", "gm", "pm", "dm") == pytest.approx(expected, rel=1e-9)
+        if "noise" in judged:
+            noise = pidalab.relative_noise_gain(of_library)
+            assert page.facts(asked, given, "noise") == pytest.approx([noise], rel=1e-6)
+        if "iae" in judged:
+            iae = pidalab.load_response(of_library, np.linspace(0, 150, 60001)).iae()
+            assert page.facts(asked, given, "iae") == pytest.approx([iae], rel=1e-5)
 
 
 # --- keys and wrong answers ------------------------------------------------------------------------------------------
@@ -128,8 +102,8 @@ def test_every_lecture_has_two_tasks():
 @named(TASKS)
 def test_the_printed_answer_is_right(page, task):
     key = task.data["key"]
-    found = page.judge(task.data, key)
-    assert found["right"], found["say"]
+    verdict = page.judge(task.data, key)
+    assert verdict["right"], verdict["say"]
     numbers = {float(x) for x in re.findall(r"\d+(?:\.\d+)?", task.parts.answer)}
     if task.data["kind"] in ("number", "design"):
         assert {float(x) for x in key.values()} <= numbers, "the worked answer does not print the key"
@@ -140,9 +114,9 @@ def test_wrong_answers_are_explained(page, task):
     data = task.data
     assert len(data["wrong"]) >= (1 if data.get("search") else 2)
     for wrong in data["wrong"]:
-        found = page.judge(data, wrong["given"])
-        assert not found["right"]
-        assert wrong["word"] in found["say"], found["say"]
+        verdict = page.judge(data, wrong["given"])
+        assert not verdict["right"]
+        assert wrong["word"] in verdict["say"], verdict["say"]
 
 
 @named(TASKS)
@@ -152,8 +126,8 @@ def test_text_is_judged_as_its_number(page, task):
         key = {name: str(value).replace(".", ",") for name, value in data["key"].items()}
         assert page.judge(data, key)["right"]
         for text in ("", "one", "1.2.3", "1e400", "--1", "1/0", "1 000"):
-            found = page.judge(data, {**key, next(iter(key)): text})
-            assert found.get("refused"), text
+            verdict = page.judge(data, {**key, next(iter(key)): text})
+            assert verdict.get("refused"), text
 
 
 # --- what is known by hand, or by another way of the library ---------------------------------------------------------
@@ -206,8 +180,8 @@ def test_answers_match_the_derivation(page, label):
 
 def test_cancelled_lags_match_the_rule(page):
     C = haalman.tune(plant_of("unequal", {}), ms=1.6).controller
-    near = BY_LABEL["task-haalman2024-1"].data["near"]
-    assert [near[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
+    times = BY_LABEL["task-haalman2024-1"].data["near"]
+    assert [times[name] for name in ("ti", "td", "ta")] == pytest.approx([C.ti, C.td, C.ta], rel=1e-4)
 
 
 def test_facts_of_sampled_and_limited_loops_match_the_library(page):
@@ -220,9 +194,9 @@ def test_facts_of_sampled_and_limited_loops_match_the_library(page):
 
 def test_anti_windup_options_have_the_order_of_the_library(page):
     data = BY_LABEL["task-huba2024-1"].data
-    found = page.along(data, data["items"], "overshoot")
+    overshoots = page.along(data, data["items"], "overshoot")
     library = [reset_overshoot(item["loop"]["way"]) for item in data["items"]]
-    assert np.argsort(found).tolist() == np.argsort(library).tolist() == data["key"]["order"]
+    assert np.argsort(overshoots).tolist() == np.argsort(library).tolist() == data["key"]["order"]
 
 
 def test_magnitude_optimum_is_unstable_where_the_library_says(page):
@@ -284,7 +258,7 @@ def test_a_filter_may_be_too_long(page):
 # --- fifty answers to each task, right and wrong, against the library ------------------------------------------------
 
 ANSWERS = 50
-SIDE = (-4e-3, 5e-4)  # of a border: the page allows for answers that are printed in three digits
+SIDE = (-4e-3, 5e-4)  # relative distances to a limit that the page ignores, since answers have three digits
 
 
 def answers(data, count, seed):
@@ -341,15 +315,15 @@ def fact(data, loop, given, name):
         C = C.discretise(loop["h"], limits=(-loop["u0"], loop["u0"]), **way)
         run = pidalab.simulate_sampled(pidalab.Loop(plant, C), loop["h"] * np.arange(3001), 1.0)
         return run.overshoot() if which == "overshoot" else run.iae()
-    own = pidalab.Loop(plant, C.discretise(loop["h"]) if loop.get("sampled") else C)
-    if not pidalab.is_stable(own):
+    run_loop = pidalab.Loop(plant, C.discretise(loop["h"]) if loop.get("sampled") else C)
+    if not pidalab.is_stable(run_loop):
         return math.inf
     if which == "noise":
-        return pidalab.relative_noise_gain(own)
+        return pidalab.relative_noise_gain(run_loop)
     if which == "iae":
         end = 40 * (plant.den[-2] / plant.den[-1] + plant.delay)
-        return pidalab.load_response(own, np.linspace(0, end, 4001)).iae()
-    return getattr(pidalab.margins(own), which)
+        return pidalab.load_response(run_loop, np.linspace(0, end, 4001)).iae()
+    return getattr(pidalab.margins(run_loop), which)
 
 
 def optimum(plant, order, ms, noise):
@@ -364,15 +338,15 @@ def test_fifty_answers_are_judged_as_by_the_library(page, task):
         true = truth(data, given)
         if true is None:
             continue
-        found = page.judge(data, given)
-        assert found["right"] is true, (given, found["say"])
-        assert found["say"]
+        verdict = page.judge(data, given)
+        assert verdict["right"] is true, (given, verdict["say"])
+        assert verdict["say"]
         judged[true] += 1
     assert min(judged.values()) >= 1
 
 
 @pytest.mark.parametrize("share", [0.978, 0.987, 0.991])
 def test_the_edge_of_stability_is_approached_from_the_stable_side(page, share):
-    found = page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.0227 * share})
-    assert not found["right"]
-    assert "already unstable" in found["say"]
+    verdict = page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.0227 * share})
+    assert not verdict["right"]
+    assert "already unstable" in verdict["say"]

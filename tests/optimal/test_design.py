@@ -110,11 +110,11 @@ def test_sampled_noise_matches_noise_gain():
 
 
 def test_the_sign_and_the_units_of_a_process_do_not_matter():
-    """The second process is negative and has other units of time and gain."""
-    one = pidalab.optimal.load(pidalab.fopdt(1.0, 2.0, 1.0), 0, ms=1.5)
+    """The second process is other and has other units of time and gain."""
+    plain = pidalab.optimal.load(pidalab.fopdt(1.0, 2.0, 1.0), 0, ms=1.5)
     other = pidalab.optimal.load(pidalab.fopdt(-4.0, 120.0, 60.0), 0, ms=1.5)
-    assert other.iae == pytest.approx(60 * 4 * one.iae, rel=1e-4)
-    assert other.controller.coefficients[1] == pytest.approx(-one.controller.coefficients[1] / 4, rel=1e-2)
+    assert other.iae == pytest.approx(60 * 4 * plain.iae, rel=1e-4)
+    assert -4 * other.controller.coefficients[1] == pytest.approx(plain.controller.coefficients[1], rel=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -135,10 +135,10 @@ def test_plants_that_only_a_derivative_or_acceleration_stabilises(den, delay, or
 
 def test_integrators_alone_are_limited_by_noise_only():
     process = pidalab.Process([1.0], [1.0, 0.0, 0.0])
-    one, other = (pidalab.optimal.load(process, 1, ms=1.4, mks=m) for m in (20.0, 80.0))
-    assert keeps(one, 1.4, 20.0)
-    # time counts in the root of the gain: four times the noise, half of the time, a quarter of the gain to hold
-    assert one.iae / other.iae == pytest.approx(8.0, rel=1e-3)
+    quiet, loud = (pidalab.optimal.load(process, 1, ms=1.4, mks=m) for m in (20.0, 80.0))
+    assert keeps(quiet, 1.4, 20.0)
+    # four times the noise allows half the time scale
+    assert quiet.iae / loud.iae == pytest.approx(8.0, rel=1e-3)
 
 
 def test_gradients_are_those_of_the_functions():
@@ -212,7 +212,7 @@ def test_a_search_uses_one_thread_and_restores_the_setting(monkeypatch):
         assert threads() == {2}
 
 
-# Parts of the search, each beside what it stands for.
+# Parts of the search.
 
 
 @pytest.mark.parametrize(
@@ -230,29 +230,29 @@ def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_
     assert _valleys(1.0, [2.0, 1.0099, 1.5, 1.514, 1.99, 2.5]) == (1.0, 1.5, 1.99)
     assert _valleys(1.0, [1.0101]) == (1.0, 1.0101)
     assert _valleys(3.0, []) == (3.0,)
-    # a descent may end a little beyond a limit, below the best that keeps it
+    # a search may end slightly beyond a limit, with a lower IAE than the best design within it
     assert _valleys(3.0783, [3.0727, 3.6649, 3.6601]) == (3.0783, 3.6601)
 
 
 def test_an_optimum_meets_its_conditions():
     """From points nearby Newton's method converges to the same optimum, to nine digits. No feasible step is better."""
     unit = unit_of_time(THIRD, Requirements(ms=1.4, mks=20.0))
-    one = Search(Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), Requirements(ms=1.4, mks=20.0))
-    near = one.descend(np.array([0.3, 0.4, 0.3, -4.0]))[1]
-    ends = [polish(one, near * factor) for factor in (1.0, 0.999, 1.002)]
+    search = Search(Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), Requirements(ms=1.4, mks=20.0))
+    start = search.descend(np.array([0.3, 0.4, 0.3, -4.0]))[1]
+    ends = [polish(search, start * factor) for factor in (1.0, 0.999, 1.002)]
     for end in ends:
         assert end.step < 1e-9
         np.testing.assert_allclose(end.x, ends[0].x, rtol=1e-8)
-    loop, x = one.loop(ends[0].x), ends[0].x
+    loop, x = search.loop(ends[0].x), ends[0].x
     assert pidalab.max_sensitivity(loop)[0] == pytest.approx(1.4, rel=2e-9)
     assert pidalab.robustness.max_control_sensitivity(loop)[0] == pytest.approx(20.0, rel=2e-9)
     # active limits as equations: their slopes, by differences of the measures, leave directions along which
     # the IAE of the engine is level
     t = np.linspace(0.0, 200.0 * unit, 8001)
     measures = (
-        lambda x: math.log(pidalab.max_sensitivity(one.loop(x))[0]),
-        lambda x: math.log(pidalab.robustness.max_control_sensitivity(one.loop(x))[0]),
-        lambda x: math.log(pidalab.load_response(one.loop(x), t).iae()),
+        lambda x: math.log(pidalab.max_sensitivity(search.loop(x))[0]),
+        lambda x: math.log(pidalab.robustness.max_control_sensitivity(search.loop(x))[0]),
+        lambda x: math.log(pidalab.load_response(search.loop(x), t).iae()),
     )
     h = 1e-4 * np.eye(x.size)
     ms, mks, iae = ([(f(x + d) - f(x - d)) / 2e-4 for d in h] for f in measures)
@@ -318,7 +318,7 @@ def test_the_progress_bar_starts_no_thread(monkeypatch):
     pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0)
 
 
-# The optimum against a bound that no PI controller can pass, and against optima of high precision.
+# The optimum against a lower bound for PI controllers, and against optima of high precision.
 #
 # The IAE of the search is that of straight lines between samples, so its least value is off by END at most, as the
 # optimum is level; the limits are kept to a billionth.
@@ -329,21 +329,22 @@ END = 1e-6
 @pytest.mark.parametrize("case", oracle("optima.json")["cases"], ids=lambda case: case["name"])
 def test_least_iae(case):
     process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
-    found, least = pidalab.optimal.load(process, 0, ms=case["ms"]), float(case["values"]["iae_at_least"])
-    assert found.controller.filter_time == pytest.approx(case["filter_time"], rel=1e-9)  # its edge
-    assert least * (1 - 1e-9) <= found.iae <= least * (1 + END)
+    design, least = pidalab.optimal.load(process, 0, ms=case["ms"]), float(case["values"]["iae_at_least"])
+    # the search ends at the smallest filter time
+    assert design.controller.filter_time == pytest.approx(case["filter_time"], rel=1e-9)
+    assert least * (1 - 1e-9) <= design.iae <= least * (1 + END)
 
 
 @pytest.mark.parametrize("case", oracle("limited_optima.json")["cases"], ids=lambda case: case["name"])
 def test_least_iae_under_limits_of_noise(case):
     process = pidalab.Process(case["process"]["num"], case["process"]["den"])
-    found = pidalab.optimal.load(process, case["order"], ms=case["ms"], mks=case["mks"])
-    assert found.iae == pytest.approx(float(case["values"]["iae"]), rel=END)
+    design = pidalab.optimal.load(process, case["order"], ms=case["ms"], mks=case["mks"])
+    assert design.iae == pytest.approx(float(case["values"]["iae"]), rel=END)
 
 
 @pytest.mark.parametrize("case", oracle("delayed_optima.json")["cases"], ids=lambda case: case["name"])
 def test_least_iae_with_dead_time(case):
     process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
-    found = pidalab.optimal.load(process, case["order"], ms=case["ms"], mks=case["mks"])
+    design = pidalab.optimal.load(process, case["order"], ms=case["ms"], mks=case["mks"])
     least = float(case["values"]["iae"])
-    assert least * (1 - 1e-8) <= found.iae <= least * (1 + END)
+    assert least * (1 - 1e-8) <= design.iae <= least * (1 + END)

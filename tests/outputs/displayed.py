@@ -17,7 +17,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, least_squares
 from scipy.signal import cont2discrete, tf2ss
 from second import response
 
@@ -335,6 +335,80 @@ def portraits() -> list[float]:
     return [one, one / seconds["portrait"], seconds["portrait, two workers"]]
 
 
+def timed(quantity: str, method: str, points: str = "") -> list[dict[str, str]]:
+    """Return the rows of a method."""
+    return [
+        row
+        for row in table(BOOK / "data" / "speed_comparison.csv")
+        if (row["quantity"], row["method"]) == (quantity, method) and points in ("", row["value"])
+    ]
+
+
+def span(rows: Sequence[dict[str, str]], key: str, unit: float = 1.0) -> list[float]:
+    """Return the least and the largest entry."""
+    values = [float(row[key]) / unit for row in rows]
+    return [min(values), max(values)]
+
+
+def faster(quantity: str, method: str) -> list[float]:
+    """Return in how many rows a method took less time than pidalab, of how many, and the range of their ratios."""
+    rows = timed(quantity, method)
+    less = [row for row in rows if float(row["ratio"]) < 1]
+    return [len(less), len(rows), *span(less, "ratio")]
+
+
+def responses(method: str) -> list[float]:
+    """Return ranges of times, in ms for pidalab and as ratios otherwise, for three numbers of points."""
+    key, unit = ("seconds", 1e-3) if method == "pidalab" else ("ratio", 1.0)
+    return [
+        x for points in ("501", "2001", "10001") for x in span(timed("response", method, points), key, unit)
+    ]
+
+
+def of_margins(method: str) -> list[float]:
+    """Return the ranges of times in ms and of ratios."""
+    rows = timed("margins", method)
+    return [*span(rows, "seconds", 1e-3), *span(rows, "ratio")]
+
+
+def optima_in(plant: str, k: int) -> list[float]:
+    """Return the seconds of pidalab and of the evolution, and their ratio, for the k-th kind of controller."""
+    ours, other = (
+        [row for row in timed("optimum", method) if row["loop"].startswith(plant)][k]
+        for method in ("pidalab", "differential evolution")
+    )
+    return [float(ours["seconds"]), float(other["seconds"]), float(other["ratio"])]
+
+
+def tank() -> list[float]:
+    """Return ultimate gain and a hundredth of the ultimate period of three lags of 20 behind a dead time of 20."""
+    w = brentq(lambda w: 3 * np.arctan(20 * w) + 20 * w - pi, 0.01, 0.1)
+    return [(1 + (20 * w) ** 2) ** 1.5 / 0.8, 2 * pi / w / 100]
+
+
+def years(name: str) -> list[float]:
+    """Return the life of a valve of a million strokes, from the hourly travel that the page shows."""
+    return [1e8 / float(numbers(NOISE_PAGE, rf"\n{name} \|.*\| {N} \| [\d.]+\n")[0]) / 8760]
+
+
+@cache
+def fitted_step() -> list[float]:
+    """Return gain, time constant, damping and dead time of two lags, fitted to the record by another optimiser."""
+    text = (BOOK / "data" / "plant_record.csv").read_text(encoding="utf-8").replace(",", ".")
+    rows = [line.split(";") for line in text.splitlines()[1:]]
+    t, u, y = np.array([[float(x) for x in row] for row in rows if all(row)]).T
+    t, first, times = *np.unique(t, return_index=True), t
+    y, start = np.array([y[times == one].mean() for one in t]), t[np.flatnonzero(np.diff(u[first]))[0] + 1]
+
+    def misses(x):
+        gain, a, b, delay, rest = x
+        v = np.maximum(t - start - delay, 0.0)
+        return rest + 7 * gain * (1 - (a * np.exp(-v / a) - b * np.exp(-v / b)) / (a - b)) - y
+
+    gain, a, b, delay, _ = least_squares(misses, [2.0, 20.0, 6.0, 5.0, 310.0], x_scale=[1, 10, 5, 5, 1]).x
+    return [gain, sqrt(a * b), (a + b) / 2 / sqrt(a * b), delay]
+
+
 def hump(n: int) -> float:
     """Return the top of x/(1 + x²)^(n/2)."""
     return sqrt((n - 1) ** (n - 1) / n**n)
@@ -352,6 +426,9 @@ FOUR, FIVE, SIX = (f"learn/{name}.ipynb" for name in ("filter-and-noise", "limit
 WHICH, RULES, CURVES = (f"across/{name}.ipynb" for name in ("which-controller", "rules-compared", "frontier"))
 HEO = "heo2023.ipynb"
 N = r"([-+−]?\d+\.?\d*)"  # a number
+FAST, NOISE_PAGE = "speed/how-fast.ipynb", "noise-limit.ipynb"
+OTHERS = ("python-control, Padé 3", "python-control, Padé 10", "Runge–Kutta 4, numba")
+BOUGHT = ("PID, limit 3.79", "PIDA, limit 3.79", "PID, limit 0.38", "PIDA, limit 0.38")
 IPDT = (0.8328, 3.9, 0.4875, 0.07042)
 FILTERS = ((3, 0.1151), (6, 0.059155), (2, 0.22499))  # order and time, of lecture 4
 THIRDS = (-1, 0, 1 / 3, 2 / 3, 2)  # of the normalised dead time, which is 0 for integrating plants alone
@@ -448,8 +525,37 @@ SHOWN = [
         rf"{N} plants, {N}% refused\n(?:.*\n)true Ms at most 2\.0: {N}%\ntrue Ms within the reported worst: {N}%",
         strangers,
     ),
+    ("design.ipynb", rf"sopdt: gain = {N} .*?tau = {N} .*?damping = {N} .*?delay = {N} ", fitted_step),
+    (NOISE_PAGE, rf"ultimate gain {N} %/K, noise every {N} s", tank),
+    *((NOISE_PAGE, rf"\n{name} \|.*\| {N}\n", partial(years, name)) for name in BOUGHT),
+    *(
+        (
+            FAST,
+            rf"\n{method} \| " + r" \| ".join([rf"{N} to {N} (?:ms|×), \S+"] * 3),
+            partial(responses, method),
+        )
+        for method in ("pidalab", *OTHERS, "JiTCDDE")
+    ),
+    *(
+        (
+            FAST,
+            rf"\n{OTHERS[-1]} \| {quantity} \| {N} of {N} \| {N} to {N}",
+            partial(faster, quantity, OTHERS[-1]),
+        )
+        for quantity in ("response", "horizon", "dead time", "order")
+    ),
+    (FAST, rf"\n{OTHERS[0]} \| margins \| {N} of {N} \| {N} to {N}", partial(faster, "margins", OTHERS[0])),
+    *(
+        (FAST, rf"\n{method} \| 4 \| {N} to {N} \| {N} to {N}", partial(of_margins, method))
+        for method in OTHERS[:2]
+    ),
+    *(
+        (FAST, rf"\n{plant} \| {kind} \| {N} \| {N} \| {N}", partial(optima_in, plant, k))
+        for plant in ("lags3", "fopdt_balanced", "ipdt")
+        for k, kind in enumerate(("PI", "PID", "PIDA"))
+    ),
     (
-        "speed/how-fast.ipynb",
+        FAST,
         rf"portrait, one worker +10,000 +{N} +{N}.*\nportrait, two workers +10,000 +{N}",
         portraits,
     ),

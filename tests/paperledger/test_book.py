@@ -36,7 +36,7 @@ def test_a_whole_page(project, capsys):
 
 
 def test_a_page_owes_its_own_rows(project, capsys):
-    Ledger.open("demo").close()  # the chapter owes nothing
+    Ledger.open("demo").close()  # the chapter has no rows
     assert failures(Ledger.open("demo", "audit/demo").close)[0] == "demo.t1.kp: never handed over"
 
 

@@ -53,7 +53,7 @@ def test_the_page_alone_is_enough(tmp_path):
             assert "takes a system that can fork" in run.stderr
             continue
         assert re.search(SAID[words[3]], run.stdout + run.stderr), run.stdout + run.stderr
-        if words[3] == "update":  # what is left to a person
+        if words[3] == "update":  # a person has to declare the verdict
             assert run.returncode == 1
             row = FILES["row doe2030.table1.y20"].strip()
             lines = ledger.read_text(encoding="utf-8").splitlines()

@@ -38,7 +38,7 @@ REASON = "a reason of five words"
         ),
         (KP, {"basis": "reading", "computed": "", "note": REASON}, "settled by reading cannot be reproduced"),
         (KP, {"basis": "reading", "computed": "", "verdict": "misprint"}, "misprint needs a note"),
-        (S1, {"evidence": ""}, "'evidence' is empty"),  # nobody types a verdict in
+        (S1, {"evidence": ""}, "'evidence' is empty"),  # a verdict needs evidence
         (S1, {"relation": ""}, "'relation' is empty"),
         (S1, {"relation": "A faster than B"}, "relation 'A faster than B' does not read like"),
         (S1, {"relation": "residual <= 1e-8 | rounding"}, "needs a note that says why"),

@@ -89,7 +89,7 @@ book = Ledger.open("demo")
 C, p = demolib.tune(1.4), book.printed
 row = lambda id: book.row(id)
 KP = 1.37"""
-GUILTY = {  # what a page hands over as computed, and what is said of it
+GUILTY = {  # what a page hands over as computed, and the resulting message
     "typed": ("KP", "stays at 1.370000000"),
     "text": ("float(str(row('text').printed))", "stays at"),
     "own": ("p('own')", "hands back its own print"),
@@ -159,7 +159,7 @@ def shaken(project, rows, *cells, stored=True):
     if stored:
         update("demo")
     said = project / "said.txt"
-    child = get_context("fork").Process(target=shake_demo, args=(said,))  # no wait for what is imported here
+    child = get_context("fork").Process(target=shake_demo, args=(said,))  # a fork has all imports
     child.start()
     child.join()
     return child.exitcode, said.read_text(encoding="utf-8")
@@ -220,9 +220,9 @@ def test_statements_move_too(library):
 )
 def test_a_page_that_stops_is_refused(library, cell, said):
     rows = rows_of(["kp"], computed="1.374419738", verdict="reproduced", page="demo")
-    status, found = shaken(library, rows, "book.compare({'kp': C.kp})", cell, "book.close()", stored=False)
+    status, output = shaken(library, rows, "book.compare({'kp': C.kp})", cell, "book.close()", stored=False)
     assert status == 1
-    assert said in found
+    assert said in output
 
 
 def test_nothing_is_written_beside_the_library(library):
@@ -235,6 +235,6 @@ def test_nothing_is_written_beside_the_library(library):
 def test_reused_memory_addresses_are_not_confused():
     """Python gives an `id` to another object as soon as the first one is gone."""
     pair = type("Pair", (), {"__module__": "demo"})
-    passing = {"Pair": lambda found, off: [off(np.full(3, float(k)), "a field") for k in range(1, 9)]}
-    found = Shaker("demo", whole=passing).off(pair(), "door")
-    assert np.array(found).mean(axis=1) == pytest.approx(np.arange(1, 9), rel=1e-4)
+    passing = {"Pair": lambda fields, off: [off(np.full(3, float(k)), "a field") for k in range(1, 9)]}
+    fields = Shaker("demo", whole=passing).off(pair(), "door")
+    assert np.array(fields).mean(axis=1) == pytest.approx(np.arange(1, 9), rel=1e-4)

@@ -94,8 +94,8 @@ def test_shown_number_has_two_guard_digits(printed, computed, shown):
         ("-2.00", "-1.98", "tolerance 1 %", "approximate"),
         ("2.00", "2.02", "tolerance 2e-2, stated by the authors", "approximate"),
         ("2.00", "2.001", "tolerance 0.02", "approximate"),  # the digits are not expected to match
-        ("2.00", "2.001", "within tolerance", "reproduced"),  # no number, no tolerance
-        ("2.00", "2.10", "tolerance 5 %", "approximate"),  # the widest
+        ("2.00", "2.001", "within tolerance", "reproduced"),  # a tolerance needs a number
+        ("2.00", "2.10", "tolerance 5 %", "approximate"),  # the widest allowed tolerance
         ("2.00", "2.10", "tolerance 0.1", "approximate"),
     ],
 )
@@ -120,7 +120,8 @@ def test_unusable_tolerances(size):
         (3, "==", np.int32(3), "3 == 3", "holds"),
         (1e-17, "<", 2.0, "0.000000000000 < 2.000000000 | ratio under 0.001", "holds"),
         (-3e7, ">=", -INF, "-30000000.00 >= -inf", "holds"),
-        (1.0, "<", 1.0 + 1e-14, "1.000000000 < 1.000000000 | ratio 1.0", "fails"),  # what is written decides
+        # the written digits decide
+        (1.0, "<", 1.0 + 1e-14, "1.000000000 < 1.000000000 | ratio 1.0", "fails"),
     ],
 )
 def test_evidence_is_the_inequality_with_its_digits(left, sign, right, text, verdict):
@@ -202,14 +203,14 @@ PARTS = {
 
 @pytest.mark.parametrize("declared", ["holds for: load", "fails for: quiet; loud"])
 def test_a_statement_that_holds_in_part(declared):
-    found = Relation.parse(f"A < B | {declared}").decide(PARTS)
-    assert str(found) == (
+    evidence = Relation.parse(f"A < B | {declared}").decide(PARTS)
+    assert str(evidence) == (
         "1.500000000 < 2.000000000 | holds in 2 of 4: load, Ms 1.4; load, Ms 2; ratio 0.50 to 0.75 || "
         "3.000000000 < 2.000000000 | fails in 2 of 4: quiet; loud; ratio 1.5 to 2.5"
     )
-    assert found.verdict == "holds-in-part"
-    assert found.shown() == "1.500 < 2.000; 3.000 ≮ 2.000"
-    assert Evidence.parse(str(found)) == found
+    assert evidence.verdict == "holds-in-part"
+    assert evidence.shown() == "1.500 < 2.000; 3.000 ≮ 2.000"
+    assert Evidence.parse(str(evidence)) == evidence
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from pidalab.rules import classical
 
 FILE = Path(__file__).with_name("tables_of_others.toml")
 AGREEING = ("reproduced", "last-digit", "rounded input", "within tolerance", "holds")
-SAMPLES = 36_000  # of a step response; times in ninths lie on it
+SAMPLES = 36_000  # of a step response; multiples of 1/9 of the horizon are among them
 UNFILTERED = 1e4  # ratio of a derivative time to its filter where the source has none
 RULES = {
     one.__name__: one
@@ -41,7 +41,7 @@ class Row(NamedTuple):
     answer: str
     printed: str
     computed: float
-    verdict: str  # that follows
+    verdict: str  # that follows from the numbers
     stored: str  # that the file says
 
 
@@ -55,14 +55,14 @@ def _answered(table: Table, data: dict[str, Any]) -> Iterator[Row]:
     named = table.get("plant")
     plant = _plant(data["plants"][named] if isinstance(named, str) else named, table.get("gain", 1.0))
     ask, controller = QUESTIONS[table["question"]], table.get("controller")
-    found = ask(plant, _controller(controller) if controller else None, table)
+    answers = ask(plant, _controller(controller) if controller else None, table)
     nearby: list[Answers] = []
     for answer, printed in table["printed"].items():
-        value = float(found[answer])
+        value = float(answers[answer])
         verdict = _verdict(printed, value)
         if verdict == "differs" and controller:
-            nearby = nearby or [ask(plant, one, table) for one in _rounded(controller)]
-            verdict = _by_rounding(printed, [value, *(float(one[answer]) for one in nearby)])
+            nearby = nearby or [ask(plant, corner, table) for corner in _rounded(controller)]
+            verdict = _by_rounding(printed, [value, *(float(corner[answer]) for corner in nearby)])
         if verdict == "differs" and "tolerance" in table:
             verdict = _by_tolerance(printed, value, table["tolerance"])
         stored = table.get("verdicts", {}).get(answer, "holds" if ">" in printed else "reproduced")
@@ -142,9 +142,9 @@ def _controller(given: dict[str, list[Any]]) -> control.TransferFunction:
 def _rounded(given: dict[str, list[Any]]) -> Iterator[control.TransferFunction]:
     """Yield the extreme controllers whose numbers round to the printed ones."""
     choices = [
-        [float(one) + sign * _half_unit(one) for sign in (-1, 1)] if isinstance(one, str) else [one]
+        [float(x) + sign * _half_unit(x) for sign in (-1, 1)] if isinstance(x, str) else [x]
         for numbers in given.values()
-        for one in numbers
+        for x in numbers
     ]
     for chosen in product(*choices):
         left = iter(chosen)
@@ -163,11 +163,11 @@ def _loop(plant: Any, controller: Any, table: Table) -> pidalab.Loop:
 def margins(plant: Any, controller: Any, table: Table) -> Answers:
     """Return margins under the names of `pidalab.Margins`, and in the units of other programs."""
     loop = _loop(plant, controller, table)
-    found = pidalab.margins(loop)
-    a = found.disk
+    result = pidalab.margins(loop)
+    a = result.disk
     high = (2 + a) / (2 - a) if a < 2 else math.inf  # the gain that the disk allows
-    answers = {name: value for name, value in vars(found).items() if isinstance(value, float)}
-    answers |= {"distance": 1 / found.ms, "disk_gain": high, "disk_gain_low": 1 / high}
+    answers = {name: value for name, value in vars(result).items() if isinstance(value, float)}
+    answers |= {"distance": 1 / result.ms, "disk_gain": high, "disk_gain_low": 1 / high}
     answers |= {
         "disk_gain_db": 20 * math.log10(high),
         "disk_phase": math.degrees(2 * math.atan(a / 2)),
@@ -209,29 +209,29 @@ def bandwidth(plant: Any, controller: Any, table: Table) -> Answers:
 
 def reaction_rule(plant: Any, controller: Any, table: Table) -> Answers:
     """Return the settings of a rule for a lag with dead time, and its coefficients."""
-    found = RULES[table["rule"]](plant, kind=table["kind"], **table.get("options", {})).controller
+    tuned = RULES[table["rule"]](plant, kind=table["kind"], **table.get("options", {})).controller
     gain, lag, delay = plant.gain(), plant.den[0] / plant.den[1], plant.delay
-    answers = {"kp": found.kp, "ti": found.ti, "td": found.td, "kp K L/T": found.kp * gain * delay / lag}
-    answers |= {"ti/L": found.ti / delay, "ti/T": found.ti / lag, "td/L": found.td / delay}
-    return answers | ({"L/td": delay / found.td} if found.td else {})
+    answers = {"kp": tuned.kp, "ti": tuned.ti, "td": tuned.td, "kp K L/T": tuned.kp * gain * delay / lag}
+    answers |= {"ti/L": tuned.ti / delay, "ti/T": tuned.ti / lag, "td/L": tuned.td / delay}
+    return answers | ({"L/td": delay / tuned.td} if tuned.td else {})
 
 
 def ultimate_rule(plant: Any, controller: Any, table: Table) -> Answers:
     """Return the coefficients of Ziegler and Nichols' second rule."""
     design = classical.ziegler_nichols_ultimate(plant, table["kind"])
-    found, gain, period = design.controller, design.ultimate_gain, design.ultimate_period
-    parts = {"Ku/kp": gain / found.kp, "Pu/ti": period / found.ti}
-    parts |= {"Pu/td": period / found.td} if found.td else {}
+    tuned, gain, period = design.controller, design.ultimate_gain, design.ultimate_period
+    parts = {"Ku/kp": gain / tuned.kp, "Pu/ti": period / tuned.ti}
+    parts |= {"Pu/td": period / tuned.td} if tuned.td else {}
     turned = {"/".join(reversed(name.split("/"))): 1 / value for name, value in parts.items()}
     return parts | turned | {f"20 {name}": 20 * value for name, value in parts.items()}
 
 
 def simc(plant: Any, controller: Any, table: Table) -> Answers:
     """Return the settings of SIMC in series form, without a filter."""
-    found = classical.simc(plant, table["kind"]).controller
-    root = math.sqrt(max(1 - 4 * found.td / found.ti, 0.0))
-    longer, shorter = found.ti * (1 + root) / 2, found.ti * (1 - root) / 2
-    return {"kc": found.kp * longer / found.ti, "tau_i": longer, "tau_d": shorter}
+    tuned = classical.simc(plant, table["kind"]).controller
+    root = math.sqrt(max(1 - 4 * tuned.td / tuned.ti, 0.0))
+    longer, shorter = tuned.ti * (1 + root) / 2, tuned.ti * (1 - root) / 2
+    return {"kc": tuned.kp * longer / tuned.ti, "tau_i": longer, "tau_d": shorter}
 
 
 QUESTIONS: dict[str, Callable[[Any, Any, Table], Answers]] = {

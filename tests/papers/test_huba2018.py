@@ -44,7 +44,7 @@ def test_twin_matches_its_equations():
     y = pidalab.simulate_sampled(pidalab.Loop(plant.rising, 0.0), T, 0.0, load=lamp, plant=plant).y
     assert y[2000] == pytest.approx(on.y[-1, -1], abs=1e-6)
     np.testing.assert_allclose(y[2000:], off.sol(T[2000:] - 40.0)[-1], atol=1e-6)
-    assert y[:2000].min() < -0.2  # it first moves the wrong way
+    assert y[:2000].min() < -0.2  # the output first moves in the wrong direction
     assert y[2000:].max() > y[2000] + 0.2
 
 
@@ -68,9 +68,9 @@ def test_experiment_and_its_measures():
     bare, kept = setup.measures(run, 150.0), setup.measures(clamped, 150.0)
     assert bare.loc["down", "overshoot, %"] > 10 * kept.loc["down", "overshoot, %"]
     cycling = pidalab.rules.mrdp.tune(pidalab.ipdt(0.01, 2.0), 2, 4, 0.2)
-    found = setup.measures(setup.experiment(cycling, setup.thermal_plant()))
-    assert found["overshoot, %"].isna().all()
-    assert (found["at a limit, s"] > 100).all()
+    measures = setup.measures(setup.experiment(cycling, setup.thermal_plant()))
+    assert measures["overshoot, %"].isna().all()
+    assert (measures["at a limit, s"] > 100).all()
 
 
 @pytest.mark.parametrize("step", ["setpoint", "load"])

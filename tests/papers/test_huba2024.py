@@ -14,13 +14,13 @@ from pidalab.rules import automatic_reset as ar, mrdp
 )
 def test_low_orders_match_tune(m, name, real):
     """The same loop, prefilter and reset as `automatic_reset.tune` makes, at the limits."""
-    loop, own = setup.higher(m, 4, real=real), setup.DESIGNS[name]
+    loop, design = setup.higher(m, 4, real=real), setup.DESIGNS[name]
     s = np.array([0.1j, 1j, 3 + 5j])
-    np.testing.assert_allclose(loop.L(s), own.loop().L(s), rtol=1e-12)
-    assert loop.automatic_reset.time == pytest.approx(own.ti, rel=1e-12)
+    np.testing.assert_allclose(loop.L(s), design.loop().L(s), rtol=1e-12)
+    assert loop.automatic_reset.time == pytest.approx(design.ti, rel=1e-12)
     for step in setup.STEPS:
-        one, other = (setup.sampled(x, step, h=0.02) for x in (loop, own.loop()))
-        np.testing.assert_allclose(one.y, other.y, atol=1e-10)
+        run, expected = (setup.sampled(x, step, h=0.02) for x in (loop, design.loop()))
+        np.testing.assert_allclose(run.y, expected.y, atol=1e-10)
 
 
 @pytest.mark.parametrize("m", [3, 5])
@@ -52,15 +52,15 @@ def test_excess_is_zero_for_ideal_shapes():
 
 def test_dryer_gives_printed_model():
     """Behind the filter that was found, the tangent is the model; other sensors give other filters."""
-    t, found = np.linspace(0, 1500, 15001), []
+    t, filter_times = np.linspace(0, 1500, 15001), []
     for sensor in (10.0, 20.0):
         process, filter_time = setup.dryer(8.31e-4, 74.5, sensor=sensor)
         den = np.convolve(process.den, pidalab.lags(4, filter_time).den)
         y = pidalab.open_loop_step(pidalab.Process(process.num, den, process.delay), t).y
         model = ipdt_tangent(t, y)
         assert (model.num[0], model.delay) == pytest.approx((8.31e-4, 74.5), rel=1e-4)
-        found.append(filter_time)
-    assert found[1] < found[0] < 19.0
+        filter_times.append(filter_time)
+    assert filter_times[1] < filter_times[0] < 19.0
     record = setup.dryer_record(process, seed=1)[1]
     assert record[0] == 0.0
     np.testing.assert_allclose(record, 0.1 * np.rint(record / 0.1), atol=1e-9)

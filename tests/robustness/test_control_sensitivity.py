@@ -20,7 +20,7 @@ from pidalab.robustness import max_control_sensitivity
             0.0,
         ),  # integral action: 1/P(0)
         (pidalab.Loop(pidalab.lags(1), pidalab.PIDA(2.0, math.inf, 1.0, n=10.0)), 22.0, math.inf),
-        # u runs away where nothing that integrates comes through
+        # a plant with a zero at 0 lets the integral grow
         (pidalab.Loop(pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]), pidalab.PIDA(0.5, 1.0)), math.inf, 0.0),
         # the filter integrates, the controller does not
         (pidalab.Loop(pidalab.lags(1), 0.2, control.tf([0.1, 1.0], [1.0, 0.0])), 1.0, 0.0),
@@ -28,13 +28,13 @@ from pidalab.robustness import max_control_sensitivity
     ids=["zero", "infinity", "zero at zero", "filter"],
 )
 def test_ends_of_the_axis(loop, mks, at):
-    found, where = max_control_sensitivity(loop)
-    assert found == pytest.approx(mks, rel=1e-3)
+    peak, where = max_control_sensitivity(loop)
+    assert peak == pytest.approx(mks, rel=1e-3)
     assert where == at
 
 
 DENSE = {
-    # a long dead time makes many peaks, and their heights on the grid do not tell which is the highest
+    # a long dead time makes many peaks, and the highest one is not the highest on a coarse grid
     "ripples": (
         pidalab.Loop(
             pidalab.Process([0.4], [1.0], delay=8.2),
@@ -43,11 +43,11 @@ DENSE = {
         np.linspace(1.0, 20.0, 200_001),
     )
 }
-# one of the first turns of thousands is the highest; the lag has not begun there
+# one of the first of thousands of peaks is the highest, below the corner frequency of the lag
 for delay in (1e3, 1e5):
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay), pidalab.HighOrderPID([0.0, 0.3], 0.1, 1))
     DENSE[f"far longer than the lag, {delay:g}"] = loop, np.linspace(0.1, 60.0, 120_001) / delay
-# |L| never falls below a tenth; one of the first turns, where it is 0.3, is the highest
+# |L| never falls below 0.1, and one of the first peaks, where it is 0.3, is the highest
 for delay in (10.0, 1e4):
     loop = pidalab.Loop(pidalab.Process([0.3, 1.0], [1.0, 1.0], delay), 0.3)
     DENSE[f"as loud far out, {delay:g}"] = loop, np.linspace(0.1, 60.0, 120_001) / delay

@@ -152,8 +152,8 @@ def limited_loop(case):
 
 @pytest.mark.parametrize("case", FILE["cases"], ids=lambda case: case["name"])
 def test_circle(case):
-    found, true = circle(limited_loop(case)), float(case["values"]["circle"])
-    assert found.margin == pytest.approx(true, rel=1e-9, abs=1e-9)
+    result, true = circle(limited_loop(case)), float(case["values"]["circle"])
+    assert result.margin == pytest.approx(true, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -161,18 +161,18 @@ def test_circle(case):
 )
 def test_popov(case):
     """No other multiplier has a larger margin."""
-    found, true = popov(limited_loop(case)), float(case["values"]["popov"])
-    assert found.margin == pytest.approx(true, rel=1e-9, abs=1e-9)
+    result, true = popov(limited_loop(case)), float(case["values"]["popov"])
+    assert result.margin == pytest.approx(true, rel=1e-9, abs=1e-9)
 
 
 def test_smallest_filter_time():
     """A derivative behind a filter that becomes too short; to 6 digits, as documented."""
-    own = FILE["filter"]
-    process = pidalab.Process(own["process"]["num"], own["process"]["den"], own["delay"])
+    case = FILE["filter"]
+    process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
 
     def family(time):
-        kp, kd = own["kp"], own["kd"]
+        kp, kd = case["kp"], case["kd"]
         return pidalab.Loop(process, control.tf([kp * time + kd, kp], [time, 1.0]))
 
-    found = smallest_filter_time(family, pidalab.is_stable, longest=own["longest"])
-    assert found == pytest.approx(float(own["filter_time"]), rel=1e-6)
+    border = smallest_filter_time(family, pidalab.is_stable, longest=case["longest"])
+    assert border == pytest.approx(float(case["filter_time"]), rel=1e-6)

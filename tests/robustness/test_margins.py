@@ -51,10 +51,10 @@ def test_margins_of_an_unstable_loop():
 def test_disk_margin_matches_python_control(loop):
     w = np.geomspace(0.03, 30.0, 30_001)
     alpha, gain, phase = control.disk_margins(control.tf(*loop.open_loop), w)
-    found = margins(loop).disk
-    assert found == pytest.approx(alpha, rel=1e-6)
-    assert 20 * np.log10((2 + found) / (2 - found)) == pytest.approx(gain, rel=1e-6)
-    assert np.degrees(2 * np.arctan(found / 2)) == pytest.approx(phase, rel=1e-6)
+    disk = margins(loop).disk
+    assert disk == pytest.approx(alpha, rel=1e-6)
+    assert 20 * np.log10((2 + disk) / (2 - disk)) == pytest.approx(gain, rel=1e-6)
+    assert np.degrees(2 * np.arctan(disk / 2)) == pytest.approx(phase, rel=1e-6)
 
 
 def drawn_loop(rng):
@@ -73,13 +73,13 @@ def test_margins_of_loops_with_fast_filters():
     rng, loud = np.random.default_rng(5), 0
     for _ in range(150):
         loop = drawn_loop(rng)
-        found = margins(loop)
-        assert found.stable == pidalab.is_stable(loop) == (pidalab.unstable_poles(loop) == 0)
-        assert found.ms >= 1 / abs(1 + loop.L(1j * max(found.wms, 1e-6))) * (1 - 1e-6)
-        turns = loop.process.delay * found.gain_crossovers.max(initial=0.0) / (2 * np.pi)
+        result = margins(loop)
+        assert result.stable == pidalab.is_stable(loop) == (pidalab.unstable_poles(loop) == 0)
+        assert result.ms >= 1 / abs(1 + loop.L(1j * max(result.wms, 1e-6))) * (1 - 1e-6)
+        turns = loop.process.delay * result.gain_crossovers.max(initial=0.0) / (2 * np.pi)
         if turns > 1e5:
-            assert found.unstable_poles == pytest.approx(2 * turns, rel=0.1)
-            assert math.isnan(found.gm) or found.gm > 1
+            assert result.unstable_poles == pytest.approx(2 * turns, rel=0.1)
+            assert math.isnan(result.gm) or result.gm > 1
             loud += 1
     assert loud >= 3
 
@@ -177,21 +177,21 @@ def test_a_constant_gain_of_one_has_no_crossover():
 
 def test_all_phase_crossovers_of_a_dead_time_of_many_lags():
     """Half a gain, a lag of 1 and a dead time of 1000: L is real and negative where 1000 w + atan(w) = (2 k + 1) pi."""
-    found = pidalab.margins(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 1000.0), 0.5)).phase_crossovers
+    crossovers = pidalab.margins(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 1000.0), 0.5)).phase_crossovers
     expected = (2 * np.arange(5000) + 1) * np.pi / 1000.0
     for _ in range(20):
         expected = ((2 * np.arange(5000) + 1) * np.pi - np.arctan(expected)) / 1000.0
     expected = expected[0.5 / np.hypot(1.0, expected) >= 0.1]
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(crossovers, expected, rtol=1e-12)
 
 
 def test_margins_are_immutable_and_compare_by_identity():
     """Like every result that holds arrays."""
-    one, same = (margins(Loop(pidalab.lags(4), PIDA(2.0, 3.0, 1.0, 0.3))) for _ in range(2))
+    first, second = (margins(Loop(pidalab.lags(4), PIDA(2.0, 3.0, 1.0, 0.3))) for _ in range(2))
     with pytest.raises(FrozenInstanceError):
-        one.ms = 1.0
-    assert len({one, same}) == 2
-    assert one != same
+        first.ms = 1.0
+    assert len({first, second}) == 2
+    assert first != second
 
 
 def test_the_axes_in_s_and_in_z_count_unstable_poles():
@@ -209,7 +209,7 @@ def test_the_axes_in_s_and_in_z_count_unstable_poles():
         Axis(np.ones(1), 0.0, 0.0, 0.0)
 
 
-# Margins, peaks and crossovers against the oracle: to 1e-9, as the engine; where peaks lie, to 1e-6: they are flat.
+# Compare with the oracle: values to 1e-9, the frequencies of peaks to 1e-6, since peaks are flat.
 
 CASES = oracle("margins.json")["cases"]
 HEIGHTS = ("gm", "gm_low", "pm", "dm", "ms", "mt")
@@ -219,11 +219,12 @@ STABLE = [case for case in CASES if not case["unstable_poles"]]
 
 @pytest.mark.parametrize("case", STABLE, ids=lambda case: case["name"])
 def test_margins(case):
-    found, true = pidalab.margins(oracle_loop(case)), case["values"]
-    assert found.stable
+    result, true = pidalab.margins(oracle_loop(case)), case["values"]
+    assert result.stable
     for name in HEIGHTS:
-        assert getattr(found, name) == pytest.approx(float(true[name]), rel=1e-9), name
+        assert getattr(result, name) == pytest.approx(float(true[name]), rel=1e-9), name
     for name, tolerance in PLACES.items():
-        assert getattr(found, name) == pytest.approx(float(true[name]), rel=tolerance, nan_ok=True), name
-    for name in {"gain_crossovers", "phase_crossovers"} & set(true):  # all of them, and no other
-        np.testing.assert_allclose(getattr(found, name), np.array(true[name], float), rtol=1e-9)
+        assert getattr(result, name) == pytest.approx(float(true[name]), rel=tolerance, nan_ok=True), name
+    # no crossover is missing, and none is added
+    for name in {"gain_crossovers", "phase_crossovers"} & set(true):
+        np.testing.assert_allclose(getattr(result, name), np.array(true[name], float), rtol=1e-9)

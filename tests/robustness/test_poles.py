@@ -79,24 +79,24 @@ def test_cancelled_poles_and_poles_on_the_axis_count(process, controller, count)
 @pytest.mark.parametrize("gain", [0.1, 0.3678, 1.0, 1.57, 1.6, 5.0, 50.0])
 def test_rightmost_poles_of_an_integrator_are_lambert_w(gain):
     """s + K e^{-s} = 0 has the zeros W_k(-K)."""
-    found = pidalab.rightmost_poles(Loop(pidalab.ipdt(1.0, delay=1.0), gain), count=6)
+    poles = pidalab.rightmost_poles(Loop(pidalab.ipdt(1.0, delay=1.0), gain), count=6)
     exact = np.array([lambertw(-gain, k) for k in range(-8, 9)])
-    exact = exact[np.argsort(-exact.real)][: found.size]
-    assert np.sort_complex(found) == pytest.approx(np.sort_complex(exact), abs=1e-12)
-    assert np.all(np.diff(found.real) < 1e-12)
+    exact = exact[np.argsort(-exact.real)][: poles.size]
+    assert np.sort_complex(poles) == pytest.approx(np.sort_complex(exact), abs=1e-12)
+    assert np.all(np.diff(poles.real) < 1e-12)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_rightmost_poles_of_random_loops(seed):
     """The poles solve the characteristic equation, and the number of unstable ones matches the argument principle."""
     loop = random_loop(seed)
-    found = pidalab.rightmost_poles(loop, count=10)
-    assert found.size in (10, 11)
-    assert np.abs(1 + loop.L(found)) == pytest.approx(0, abs=1e-8)
+    poles = pidalab.rightmost_poles(loop, count=10)
+    assert poles.size in (10, 11)
+    assert np.abs(1 + loop.L(poles)) == pytest.approx(0, abs=1e-8)
     unstable = unstable_poles(loop)
     assert unstable < 10
-    assert np.count_nonzero(found.real >= 0) == unstable
-    assert found.sum().imag == pytest.approx(0, abs=1e-9)  # pairs are whole
+    assert np.count_nonzero(poles.real >= 0) == unstable
+    assert poles.sum().imag == pytest.approx(0, abs=1e-9)  # complex pairs are complete
 
 
 def test_rightmost_poles_without_dead_time():
@@ -109,8 +109,8 @@ def test_rightmost_poles_without_dead_time():
 def test_rightmost_poles_of_a_neutral_loop():
     """Right of the chain at log(0.5) poles are separate. The chain itself has no rightmost pole."""
     neutral = Loop(Process([0.5, 1.0], [1.0, 1.0], delay=1.0), 1.0)
-    found = pidalab.rightmost_poles(neutral)
-    assert np.abs(1 + neutral.L(found)) == pytest.approx(0, abs=1e-10)
+    poles = pidalab.rightmost_poles(neutral)
+    assert np.abs(1 + neutral.L(poles)) == pytest.approx(0, abs=1e-10)
     with pytest.raises(ArithmeticError, match=r"chain of poles of this neutral loop at -0\.6931"):
         pidalab.rightmost_poles(Loop(Process([1.0], [1.0], delay=1.0), 0.5))
 
@@ -133,9 +133,9 @@ def test_a_closed_loop_pole_at_the_origin_is_unstable(process):
 @pytest.mark.parametrize(("order", "lag"), [(5, 1.0), (20, 60.0), (30, 60.0), (60, 1.0), (100, 1.0)])
 def test_many_equal_lags_without_dead_time_have_their_closed_loop_poles(order, lag):
     """(lag s + 1)^n = -k has its roots on a circle around -1/lag."""
-    found = pidalab.rightmost_poles(Loop(pidalab.lags(order, lag), 0.5), count=4)
+    poles = pidalab.rightmost_poles(Loop(pidalab.lags(order, lag), 0.5), count=4)
     turns = np.exp(1j * np.pi * np.array([1, -1, 3, -3]) / order)
-    np.testing.assert_allclose(found * lag, 0.5 ** (1 / order) * turns - 1, atol=1e-12)
+    np.testing.assert_allclose(poles * lag, 0.5 ** (1 / order) * turns - 1, atol=1e-12)
 
 
 @pytest.mark.parametrize("gain", [3.162, 2.0])
@@ -144,8 +144,8 @@ def test_a_lag_that_the_controller_cancels_stays_a_pole(gain):
     filter_time = 0.0033541565443812476
     loop = Loop(pidalab.fopdt(gain, 10.0, 0.0), PIDA(47.1438244290703, 10.0), control.tf(1, [filter_time, 1]))
     others = np.roots([filter_time, 1.0, 4.71438244290703 * gain])
-    found = pidalab.rightmost_poles(loop, 3)
-    assert found == pytest.approx(np.append(-0.1, sorted(others, reverse=True)), rel=1e-9)
+    poles = pidalab.rightmost_poles(loop, 3)
+    assert poles == pytest.approx(np.append(-0.1, sorted(others, reverse=True)), rel=1e-9)
 
 
 def test_a_cluster_far_to_the_left_does_not_hide_the_others():
@@ -211,9 +211,9 @@ def test_limits_of_stability(case, limit):
     """The loop is stable a millionth below the limit, and unstable a millionth above it."""
     value = float(case["values"][limit])
     if limit == "dm":
-        near = 1e-6 * (case["delay"] + value)
-        inside, outside = ((1.0, value + x) for x in (-near, near))
+        step = 1e-6 * (case["delay"] + value)
+        inside, outside = ((1.0, value + x) for x in (-step, step))
     else:
-        near = 1e-6 if value > 1 else -1e-6
-        inside, outside = ((value * (1 + x), 0.0) for x in (-near, near))
+        step = 1e-6 if value > 1 else -1e-6
+        inside, outside = ((value * (1 + x), 0.0) for x in (-step, step))
     assert unstable_poles(changed(case, *inside)) == 0 < unstable_poles(changed(case, *outside))

@@ -25,9 +25,9 @@ def test_ultimate_rule_of_an_integrator_with_lags():
     period = 2 * np.pi / np.sqrt(2)
     assert design.ultimate_gain == pytest.approx(6.0)
     assert design.ultimate_period == pytest.approx(period)
-    found = design.controller
-    assert (found.kp, found.ti, found.td) == pytest.approx((3.6, period / 2, period / 8))
-    assert found.ta == 0
+    controller = design.controller
+    assert (controller.kp, controller.ti, controller.td) == pytest.approx((3.6, period / 2, period / 8))
+    assert controller.ta == 0
 
 
 K, T, L = -2.0, 3.0, 0.5
@@ -55,29 +55,29 @@ LAG, INTEGRATOR = pidalab.fopdt(K, T, L), pidalab.ipdt(K, L)
     ],
 )  # fmt: skip
 def test_rules_match_their_printed_formulas(rule, model, kind, expected):
-    found = rule(model, kind).controller
-    assert (found.kp, found.ti, found.td, found.ta) == pytest.approx((*expected, 0.0), rel=1e-12)
-    assert found.n == 10
+    C = rule(model, kind).controller
+    assert (C.kp, C.ti, C.td, C.ta) == pytest.approx((*expected, 0.0), rel=1e-12)
+    assert C.n == 10
 
 
 @pytest.mark.parametrize("kind", ["PI", "PID"])
 def test_closed_loop_time_adds_to_the_dead_time(kind):
     """The PID cancels the lag of an integrator, the PI adds half of it to the dead time."""
     model = pidalab.Process([0.5], [3.0, 1.0, 0.0], delay=1.0)
-    found = classical.simc(model, kind, closed_loop_time=0.25)
-    rest = 1.0 if kind == "PID" else 1.0 + 3.0 / 2
-    series = found.controller.gains().series()
-    assert (found.delay, found.closed_loop_time) == pytest.approx((rest, 0.25))
-    assert series.ti == pytest.approx(4 * (0.25 + rest))
-    assert series.kp == pytest.approx(1 / (0.5 * (0.25 + rest)))
+    design = classical.simc(model, kind, closed_loop_time=0.25)
+    delay = 1.0 if kind == "PID" else 1.0 + 3.0 / 2
+    series = design.controller.gains().series()
+    assert (design.delay, design.closed_loop_time) == pytest.approx((delay, 0.25))
+    assert series.ti == pytest.approx(4 * (0.25 + delay))
+    assert series.kp == pytest.approx(1 / (0.5 * (0.25 + delay)))
     assert classical.lambda_tuning(LAG).closed_loop_time == T
 
 
 @pytest.mark.parametrize("kind", ["PI", "PID"])
 def test_half_rule_needs_no_more_lags_than_there_are(kind):
-    found = classical.simc(pidalab.Process([-0.2, 2.0], [4.0, 1.0], delay=0.3), kind)
-    assert (found.lags, found.delay) == (pytest.approx((4.0,)), pytest.approx(0.4))
-    assert found.controller.kp == pytest.approx(4.0 / (2.0 * 0.8))
+    design = classical.simc(pidalab.Process([-0.2, 2.0], [4.0, 1.0], delay=0.3), kind)
+    assert (design.lags, design.delay) == (pytest.approx((4.0,)), pytest.approx(0.4))
+    assert design.controller.kp == pytest.approx(4.0 / (2.0 * 0.8))
 
 
 # --- Chien, Hrones and Reswick ----------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ def test_simc_takes_all_examples_of_its_author(name, kind):
     """A closed-loop time is given for two lags alone, which have no effective dead time."""
     wanted = 0.1 if (name, kind) == ("E1", "PID") else None
     design = simc(SKOGESTAD[name], kind, closed_loop_time=wanted, n=1e4)
-    # of the PID for E13, which he does not print, 2.9: its model is a rough one
+    # the author does not print the PID for E13, which has an Ms of 2.9
     assert 1.0 < design.ms < (3.0 if (name, kind) == ("E13", "PID") else 2.01)
 
 

@@ -57,11 +57,11 @@ def test_stored_optima(kind, bound):
 def test_setpoint_is_near_the_optimum():
     """For models not used in the fit it is at most 12 % above, and always better than the paper's rule."""
     for r, xi, _, least in validation("setpoint", "inf"):
-        own, printed = (
+        direct_itae, printed = (
             itae_of("setpoint", r, xi, f(unit(r, xi))) for f in (direct.setpoint, itae.pida_setpoint)
         )
-        assert 0.999 * least < own < 1.12 * least
-        assert own < printed
+        assert 0.999 * least < direct_itae < 1.12 * least
+        assert direct_itae < printed
 
 
 def test_load_is_near_the_optimum_with_its_bound():

@@ -90,6 +90,6 @@ def test_given_factors():
     model = unit(0.4, 0.7)
     for rule, pid in ((itae.pida_setpoint, itae.pid_setpoint), (itae.pida_load, itae.pid_load)):
         assert rule(model, factors=itae.factors(model)) == rule(model)
-        own, plain = rule(model, factors=(0.0, 0.6)), pid(model)
-        assert (own.kc, own.tau_i, own.tau_d) == (plain.kc, plain.tau_i, plain.tau_d)
-        assert own.tau_a == pytest.approx(0.6 * plain.tau_d, rel=1e-12)
+        changed, plain = rule(model, factors=(0.0, 0.6)), pid(model)
+        assert (changed.kc, changed.tau_i, changed.tau_d) == (plain.kc, plain.tau_i, plain.tau_d)
+        assert changed.tau_a == pytest.approx(0.6 * plain.tau_d, rel=1e-12)

@@ -17,47 +17,43 @@ from pidalab.rules.registry import RULES, Rule, find
 PLANT = pidalab.fopdt(1.0, lag=4.0, delay=1.0)
 
 
-def is_known_everywhere(name, tmp_path):
-    design = pidalab.tune(PLANT, "PI", rule=name)
-    assert design.source == RULES[name].source
-    (row,) = [row for row in pidalab.compare(PLANT, rules=[name]).rows if row.kind == "PI"]
-    assert (row.rule, row.ms) == (name, pytest.approx(design.ms))
-    assert pidalab.report(PLANT, rule=name, kinds="PI").rows[0].ms == pytest.approx(design.ms)
+def test_a_new_entry_is_known_to_all_functions_and_commands(monkeypatch, tmp_path):
+    def fixed(model, kind, limits):
+        return Design(model, PIDA(0.5, 3.0), source="nobody (2026)")
+
+    monkeypatch.setitem(RULES, "mine", Rule("mine", "nobody (2026)", {"PI": "process"}, fixed))
+    design = pidalab.tune(PLANT, "PI", rule="mine")
+    assert design.source == RULES["mine"].source
+    (row,) = [row for row in pidalab.compare(PLANT, rules=["mine"]).rows if row.kind == "PI"]
+    assert (row.rule, row.ms) == ("mine", pytest.approx(design.ms))
+    assert pidalab.report(PLANT, rule="mine", kinds="PI").rows[0].ms == pytest.approx(design.ms)
     t = np.arange(0.0, 40.0, 0.25)
     y = 1 - np.exp(-np.maximum(t - 6.0, 0.0) / 4)  # the plant after a step at 5
     np.savetxt(
         tmp_path / "step.csv", np.column_stack([t, t >= 5.0, y]), delimiter=",", comments="", header="t,u,y"
     )
     plant = ["--den", "4,1", "--delay", "1"]
-    record = [tmp_path / "step.csv", "--model", "fopdt", "--sample-time", "0.25", "--rule", name]
+    record = [tmp_path / "step.csv", "--model", "fopdt", "--sample-time", "0.25", "--rule", "mine"]
     for command in (
         ["rules"],
-        ["compare", *plant, "--rule", name],
+        ["compare", *plant, "--rule", "mine"],
         ["tune", *record, "--kind", "PI"],
         ["report", *record],
     ):
         result = CliRunner().invoke(main, [str(word) for word in command])
         assert result.exit_code == 0, result.output
-        assert name in result.output or command[0] in ("tune", "report")
-    assert name in registry._table()
-
-
-def test_a_new_entry_is_known_to_all_functions_and_commands(monkeypatch, tmp_path):
-    def design(model, kind, limits):
-        return Design(model, PIDA(0.5, 3.0), source="nobody (2026)")
-
-    monkeypatch.setitem(RULES, "mine", Rule("mine", "nobody (2026)", {"PI": "process"}, design))
-    is_known_everywhere("mine", tmp_path)
+        assert "mine" in result.output or command[0] in ("tune", "report")
+    assert "mine" in registry._table()
 
 
 def test_the_default_comparison_is_that_of_the_book():
     with (benchmarking.TABLES / "comparison.csv").open(encoding="utf-8") as file:
         stored = {(row["rule"], row["kind"]) for row in csv.DictReader(file)}
-    found = {
+    default = {
         (rule, kind) for rule, kind, _ in designs(PLANT, Requirements(noise_gain=10.0, sample_time=0.01))
     }
-    assert found - stored == {("optimal", kind) for kind in registry.KINDS}
-    assert stored <= found
+    assert default - stored == {("optimal", kind) for kind in registry.KINDS}
+    assert stored <= default
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.name)
@@ -78,12 +74,12 @@ def test_rules_do_not_depend_on_units(rule):
     """Time, gain and sign of the process change. Filters and prefilter change with the controller."""
     process, s = pidalab.lags(3, delay=1.0), 1j * np.geomspace(0.05, 20.0, 20)
     other = pidalab.lags(3, lag=60.0, gain=-0.02, delay=60.0)
-    for one, scaled in zip(
+    for entry, scaled in zip(
         *(designs(plant, Requirements(), [rule]) for plant in (process, other)), strict=True
     ):
-        expected = one[2]().loop(process).transfer("u", "r", s)
-        found = scaled[2]().loop(other).transfer("u", "r", s / 60)
-        np.testing.assert_allclose(-0.02 * found, expected, rtol=1e-6)
+        expected = entry[2]().loop(process).transfer("u", "r", s)
+        response = scaled[2]().loop(other).transfer("u", "r", s / 60)
+        np.testing.assert_allclose(-0.02 * response, expected, rtol=1e-6)
 
 
 def test_rules_are_found_by_any_spelling():

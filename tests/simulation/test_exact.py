@@ -90,8 +90,8 @@ def test_ensemble_is_simulate_row_by_row():
 
 def test_limits_that_are_not_reached_have_no_effect():
     def limited(low, high):
-        own = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(low, high))
-        return Loop(pidalab.fopdt(1.0, 1.0, 1.0), own)
+        controller = pidalab.SeriesPIDA(0.3, 0.0, 0.0, 1.0, 0.1, 1, limits=(low, high))
+        return Loop(pidalab.fopdt(1.0, 1.0, 1.0), controller)
 
     free = simulate(limited(-math.inf, math.inf), TIME, setpoint=1.0)
     np.testing.assert_array_equal(simulate(limited(-1e-9, free.u.max() + 1e-9), TIME, setpoint=1.0).y, free.y)
@@ -121,13 +121,13 @@ def test_a_short_dead_time_is_followed():
 def test_a_loop_far_faster_than_its_plant_keeps_its_digits(quick):
     t = np.linspace(0.0, 60.0, 241)
     controller = PIDA(0.5 / quick, 8.0 * quick)
-    # without dead time a system of second order, in the loop's own time
+    # without dead time the loop is of second order, in units of `quick`
     a, b = 0.5 * (quick + 0.5), 0.0625
     w = np.sqrt(complex(a**2 - b))
     shape = np.cosh(w * t) + (a - 0.5) * np.sinh(w * t) / w
     y = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, 0.0), controller), quick * t).y
     np.testing.assert_allclose(y, 1.0 - np.exp(-a * t) * shape.real, atol=1e-11)
-    # with dead time what it does with an integrator, but for the plant's own return
+    # with dead time the loop is close to that of an integrator
     y = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, quick), controller), quick * t).y
     integrator = Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.5, 8.0))
     np.testing.assert_allclose(y, pidalab.step_response(integrator, t).y, atol=20 * quick + 1e-11)

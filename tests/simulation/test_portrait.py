@@ -25,12 +25,12 @@ GRID = {
 
 def expected(record, y_end, u_end):
     """Return the measures of a record, by `Response`, up to its end: some sets diverge within their limits."""
-    end, found = record.t[-1], {}
+    end, measures = record.t[-1], {}
     for name in ("y", "u"):
         x, last = getattr(record, name), {"y": y_end, "u": u_end}[name]
-        found |= {f"tv_{name}": record.tv(name, end), f"tv1_{name}": record.tv1(name, end, final=last)}
-        found |= {f"{name}_min": min(0.0, x.min()), f"{name}_max": max(0.0, x.max()), f"{name}_end": x[-1]}
-    return found | {name: getattr(record, name)(end) for name in ("ie", "iae", "ise", "itae")}
+        measures |= {f"tv_{name}": record.tv(name, end), f"tv1_{name}": record.tv1(name, end, final=last)}
+        measures |= {f"{name}_min": min(0.0, x.min()), f"{name}_max": max(0.0, x.max()), f"{name}_end": x[-1]}
+    return measures | {name: getattr(record, name)(end) for name in ("ie", "iae", "ise", "itae")}
 
 
 LAMBDA = {"integrating": 1.0, "misaligned": 0.7371, "short": 0.011, "none": 0.0}
@@ -56,14 +56,14 @@ def test_measures_are_those_of_the_response(scene):
         "ti": rng.uniform(0.3, 2.0, sets),
         "filter_time": rng.uniform(0.05, 0.3, sets),
     }
-    own = SeriesPIDA(1.0, 0.0, 0.0, 1.0, 1.0, order, limits=limits)
-    p = portrait(Loop(process, own), parameters, T, **inputs)
+    controller = SeriesPIDA(1.0, 0.0, 0.0, 1.0, 1.0, order, limits=limits)
+    p = portrait(Loop(process, controller), parameters, T, **inputs)
     assert not p.diverged.any()
     for i in (0, 1, 13, 40, 127, 128, 133):
-        one = SeriesPIDA(*(float(x[i]) for x in parameters.values()), order, limits=limits)
-        record = simulate_sampled(Loop(process, one), T, **({"setpoint": 0.0} | inputs))
-        rest = record.r[-1] * process.den[-1] / process.num[-1] - record.d[-1]
-        for name, value in expected(record, record.r[-1], rest).items():
+        single = SeriesPIDA(*(float(x[i]) for x in parameters.values()), order, limits=limits)
+        record = simulate_sampled(Loop(process, single), T, **({"setpoint": 0.0} | inputs))
+        final = record.r[-1] * process.den[-1] / process.num[-1] - record.d[-1]
+        for name, value in expected(record, record.r[-1], final).items():
             assert getattr(p, name)[i] == pytest.approx(value, rel=1e-9, abs=1e-10), (i, name)
 
 
@@ -72,9 +72,9 @@ def test_an_error_that_dips_below_zero_between_two_samples_counts():
     process, t, limits = Process([1.0], [1.0, 0.4, 1.0]), 0.5 * np.arange(200), (-1e5, 1e5)
     loop = Loop(process, SeriesPIDA(0.4141294824294266, 0.0, 0.0, 2.463764864097676, 1.0, 0, limits=limits))
     record = simulate_sampled(loop, t, setpoint=1e4)
-    found = portrait(loop, {}, t, setpoint=1e4)
-    assert found.iae == pytest.approx(record.iae(), rel=1e-12)
-    assert found.itae == pytest.approx(record.itae(), rel=1e-12)
+    measures = portrait(loop, {}, t, setpoint=1e4)
+    assert measures.iae == pytest.approx(record.iae(), rel=1e-12)
+    assert measures.itae == pytest.approx(record.itae(), rel=1e-12)
 
 
 def cancelling(kp, kd, ka, ti):
@@ -91,9 +91,9 @@ def test_prefilters_that_differ():
             float(x.flat[k] if x.ndim > 1 else x[k])
             for x, k in zip((GRID["kp"], GRID["ka"], ti), i, strict=True)
         )
-        own = SeriesPIDA(kp, 0.45, ka, own_ti, 0.2, 4, limits=(-0.1, 0.1))
+        controller = SeriesPIDA(kp, 0.45, ka, own_ti, 0.2, 4, limits=(-0.1, 0.1))
         filtered = control.tf([0.5 * own_ti, 1.0], cancelling(kp, 0.45, ka, own_ti))
-        record = simulate_sampled(Loop(LOOP.process, own, prefilter=filtered), T, setpoint=1.0)
+        record = simulate_sampled(Loop(LOOP.process, controller, prefilter=filtered), T, setpoint=1.0)
         for name, value in expected(record, 1.0, 0.0).items():
             assert getattr(p, name)[i] == pytest.approx(value, rel=1e-9, abs=1e-10), (i, name)
     fixed = Loop(LOOP.process, PDA, prefilter=control.tf([0.3, 1.0], [0.8, 1.0]))
@@ -112,8 +112,8 @@ def test_integral_of_the_absolute_value_of_a_parabola(c):
     assert _beyond(*c, h, start) == pytest.approx((more, weighted), abs=1e-8)
 
 
-def assert_same_bits(one, other):
-    for name, a, b in zip(one._fields, one, other, strict=True):
+def assert_same_bits(first, second):
+    for name, a, b in zip(first._fields, first, second, strict=True):
         assert a.dtype == b.dtype
         assert a.tobytes() == b.tobytes(), name
 
@@ -127,8 +127,8 @@ def many():
         "ti": rng.uniform(0.1, 1.0, 500),
         "kd": rng.uniform(0.2, 2.0, 500),
     }
-    own = SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4)
-    task = {"loop": Loop(LOOP.process, own), "parameters": sets, "t": T, "load": 1.0}
+    controller = SeriesPIDA(0.094, 0.45, 0.208, 0.648, 0.2, 4)
+    task = {"loop": Loop(LOOP.process, controller), "parameters": sets, "t": T, "load": 1.0}
     p = portrait(**task)
     assert 50 < np.sum(p.iae > 1e3) < 450
     return task, p
@@ -148,7 +148,7 @@ def test_process_pool_gives_the_same_bits(many):
     task, p = many
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         assert_same_bits(portrait(**task, executor=pool), p)
-        assert pool.submit(os.getpid).result() != os.getpid()  # it is left open
+        assert pool.submit(os.getpid).result() != os.getpid()  # the executor is still open
 
 
 def test_diverging_sets_are_infinite():

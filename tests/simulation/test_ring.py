@@ -11,16 +11,16 @@ from pidalab.simulation import ladder
 from pidalab.simulation.realisation import cut_at_delay
 
 
-def as_loops(value, made):
+def as_loops(value, done):
     """Return a compiled function as plain Python, together with all functions that it calls."""
     if not isinstance(value, Kernel):
         return value
-    if id(value) not in made:
+    if id(value) not in done:
         names = dict(value.function.__globals__)
         code, defaults = value.function.__code__, value.function.__defaults__
-        made[id(value)] = FunctionType(code, names, value.__name__, defaults)
-        names.update({name: as_loops(one, made) for name, one in names.items()})
-    return made[id(value)]
+        done[id(value)] = FunctionType(code, names, value.__name__, defaults)
+        names.update({name: as_loops(global_value, done) for name, global_value in names.items()})
+    return done[id(value)]
 
 
 FEW = [case for case in oracle("delay_loops.json")["cases"] if case["delay"]][::4]
@@ -34,7 +34,7 @@ def test_both_plain_forms_give_the_response(case, form):
     step, n = case["delay"] / 3.7, 23
     arguments = (cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))
     run = ladder._responses.python_form if form == "arrays" else as_loops(ladder._responses, {})
-    found, _, status = run(*arguments)
+    response, _, status = run(*arguments)
     expected = ladder.responses(cut, n, step, arguments[-1])
     assert status == ladder.DONE
-    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(response, expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())

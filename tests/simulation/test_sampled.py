@@ -84,9 +84,9 @@ def test_equal_speeds_are_a_process():
     assert plant.rising(s) == pytest.approx(expected, rel=1e-12)
     inputs = {"setpoint": 1.0, "load": np.sin(t), "noise": 0.1 * np.cos(7 * t), "limits": (-0.4, 0.8)}
     loop = Loop(plant.rising, PIDA(0.7, 3.0, 0.2, 0.0, n=2))
-    one, other = simulate_sampled(loop, t, **inputs), simulate_sampled(loop, t, **inputs, plant=plant)
+    linear, with_plant = simulate_sampled(loop, t, **inputs), simulate_sampled(loop, t, **inputs, plant=plant)
     for key in ("y", "u", "area"):
-        np.testing.assert_allclose(getattr(one, key), getattr(other, key), atol=1e-11)
+        np.testing.assert_allclose(getattr(linear, key), getattr(with_plant, key), atol=1e-11)
 
 
 @pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 2.0 - 1e-12, 2.0 + 1e-12, 3.9])
@@ -143,9 +143,9 @@ def test_closed_loop_event_by_event(samples, limits):
 def test_paths_keep_their_own_poles_and_share_a_common_one():
     lag = [120.0, 1.0]
     plant = AsymmetricPlant(control.tf([1.0], lag), 60.0, 180.0, control.tf([0.5], lag))
-    for found, time in ((plant.rising, 60.0), (plant.falling, 180.0)):
-        assert found.den.size == 3
-        assert found(0.01j) == pytest.approx((1 / (1 + 0.01j * time) + 0.5) / (1 + 1.2j))
+    for process, time in ((plant.rising, 60.0), (plant.falling, 180.0)):
+        assert process.den.size == 3
+        assert process(0.01j) == pytest.approx((1 / (1 + 0.01j * time) + 0.5) / (1 + 1.2j))
     plant = AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 2.0, control.tf([0.5], [7.0, 1.0]))
     assert plant.falling(0.4j) == pytest.approx(1 / (2 * 0.4j + 1) ** 2 + 0.5 / (7 * 0.4j + 1), rel=1e-12)
     assert AsymmetricPlant(control.tf([1.0], [2.0, 1.0]), 1.0, 2.0, 0.5).rising(0.0) == pytest.approx(1.5)
@@ -158,11 +158,11 @@ def test_paths_keep_their_own_poles_and_share_a_common_one():
 def test_responses(case):
     loop, t = sampled_oracle_loop(case), case["sample_time"] * np.arange(case["samples"])
     for source in ("setpoint", "load"):
-        found = pidalab.simulate_sampled(loop, t, **{source: 1.0})
+        response = pidalab.simulate_sampled(loop, t, **{source: 1.0})
         for signal in ("y", "u"):
             if f"{source}.{signal}" in case["values"]:
                 true = np.array(case["values"][f"{source}.{signal}"], float)
-                error = np.abs(getattr(found, signal)[case["values"]["picked"]] - true)
+                error = np.abs(getattr(response, signal)[case["values"]["picked"]] - true)
                 assert np.max(error / np.maximum.accumulate(np.maximum(1.0, np.abs(true)))) <= 1e-9
 
 
@@ -174,6 +174,6 @@ def test_responses(case):
 def test_a_continuous_controller_is_discretised_for_held_inputs(case):
     """It matches the digital controller of the method zoh."""
     loop, t = sampled_oracle_loop(case, digital=False), case["sample_time"] * np.arange(case["samples"])
-    found = pidalab.simulate_sampled(loop, t, setpoint=1.0)
+    response = pidalab.simulate_sampled(loop, t, setpoint=1.0)
     true = np.array(case["values"]["setpoint.y"], float)
-    assert np.max(np.abs(found.y[case["values"]["picked"]] - true)) <= 1e-9
+    assert np.max(np.abs(response.y[case["values"]["picked"]] - true)) <= 1e-9

@@ -18,8 +18,8 @@ CASES = {f"{case['name']}-{'load' if case['load'] else 'setpoint'}": case for ca
 
 def errors_against_the_oracle(case, h):
     """Return the largest errors of y and u at the times of the oracle."""
-    own = SeriesPIDA(**case["controller"], limits=tuple(case["limits"]))
-    loop = Loop(pidalab.ipdt(1.0, case["delay"]), own, prefilter=control.tf([1.0], case["prefilter"]))
+    controller = SeriesPIDA(**case["controller"], limits=tuple(case["limits"]))
+    loop = Loop(pidalab.ipdt(1.0, case["delay"]), controller, prefilter=control.tf([1.0], case["prefilter"]))
     times = np.array(RECORD["times"])
     each = round((times[1] - times[0]) / h)
     t = np.arange(each * (times.size - 1) + 1) * h
@@ -69,7 +69,7 @@ def test_reset_by_hand():
     out = simulate_sampled(loop, h * np.arange(n), r, load=d, noise=noise, quanta=quanta)
     np.testing.assert_allclose(out.y, y, atol=1e-11)
     np.testing.assert_allclose(out.u, u, atol=1e-11)
-    assert {limits[0], limits[1]} <= set(out.u)  # limits are no multiples of the quantum, and stay
+    assert {limits[0], limits[1]} <= set(out.u)  # limits need not be multiples of the quantum
     assert np.sum(np.isin(out.u, limits)) < 0.9 * n
 
 
@@ -78,8 +78,8 @@ def test_limits_of_controller_and_actuator_both_hold():
     t = 0.02 * np.arange(1500)
     both = simulate_sampled(loop, t, np.where(t < 15.0, 1.0, -1.0), limits=(-0.05, 0.5))
     assert (both.u.min(), both.u.max()) == (-0.05, 0.2)
-    own = SeriesPIDA(0.8, 0.0, 0.0, 3.0, 0.1, 1, limits=(-0.05, 0.2))
-    np.testing.assert_array_equal(simulate_sampled(Loop(loop.process, own), t, both.r).u, both.u)
+    tighter = SeriesPIDA(0.8, 0.0, 0.0, 3.0, 0.1, 1, limits=(-0.05, 0.2))
+    np.testing.assert_array_equal(simulate_sampled(Loop(loop.process, tighter), t, both.r).u, both.u)
     digital = Loop(loop.process, loop.controller.discretise(0.02))
     held = simulate_sampled(digital, t, both.r, limits=(-0.05, 0.5))
     assert (held.u.min(), held.u.max()) == pytest.approx((-0.05, 0.2), rel=1e-12)
@@ -126,7 +126,7 @@ def test_quantisation_by_hand():
 def pulses_by_hand(widths, limits, h, delay, load, wanted):
     """Return states of 1/((s + 1)(0.5 s + 1)) and the integral of its output at the samples."""
     A = np.array([[-1.0, 0.0, 0.0], [2.0, -2.0, 0.0], [0.0, 1.0, 0.0]])
-    b, edges = np.array([1.0, 0.0, 0.0]), [(-1.0, 0.0)]  # from when on, which input
+    b, edges = np.array([1.0, 0.0, 0.0]), [(-1.0, 0.0)]  # times from which the input has a value
     for k, u in enumerate(wanted):
         on = (
             round((min(max(u, limits[0]), limits[1]) - limits[0]) / (limits[1] - limits[0]) * widths) / widths

@@ -12,10 +12,10 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# No other host has an address: a request for one is seen, and goes nowhere.
+# No other host has an address, so that a request for one is noticed and fails.
 ARGUMENTS = [
     "--no-sandbox",
-    "--disable-gpu",  # else it draws with a graphics card in software
+    "--disable-gpu",  # otherwise it emulates a graphics card
     "--disable-background-networking",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]
@@ -67,7 +67,7 @@ def site() -> Path:
 def browser():
     names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
     with sync_playwright() as playwright:
-        fetched = playwright.chromium.executable_path  # where Playwright keeps one that it has fetched
+        fetched = playwright.chromium.executable_path  # the browser that Playwright has downloaded
     executable = next(filter(None, map(shutil.which, [*names, fetched])), None)
     if executable is None:
         message = (
@@ -105,7 +105,7 @@ def visit(browser, tab):
         page, wrong = browser.new_context().new_page() if opened else tab, []
         opened.append(page)
         page.evaluate(FORGET)
-        page.goto("about:blank")  # else another state of the lab would be no new page
+        page.goto("about:blank")  # otherwise another state of the lab would not load a new page
         page.emulate_media(media="null", color_scheme=theme)
         page.set_viewport_size(viewport)
 

@@ -7,7 +7,7 @@ WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 TYPESET = "() => !document.querySelector('script[src*=mathjax]') || window.MathJax?.startup?.promise?.then(() => true)"
 
-# Findings of axe-core in the markup of other tools: the rule, and a mark of the element.
+# Findings of axe-core that come from other tools: the rule, and a mark of the element.
 ACCEPTED = [
     ("empty-table-header", "data-maths"),  # a formula, see below
     ("aria-allowed-role", "doc-biblioentry"),  # docutils' markup of a bibliography entry
@@ -16,7 +16,7 @@ ACCEPTED = [
     ("region", "logo__title"),  # the theme's book name stands outside its landmarks
 ]
 
-# Formulas that were not typeset: delimiters or environments in visible text, except code.
+# Formulas left as source: delimiters or environments in the visible text outside code.
 RAW_MATHS = r"""() => {
   const inCode = "pre, code, script, style, mjx-container";
   const walker = document.createTreeWalker(document.querySelector("main"), NodeFilter.SHOW_TEXT);
@@ -34,7 +34,7 @@ RAW_MATHS = r"""() => {
 
 OVERFLOW = "() => document.scrollingElement.scrollWidth - document.scrollingElement.clientWidth"
 
-# Formulas need no labels, and the button of a fold names its content.
+# Formulas must not be tab stops, and a fold's button must say what it unfolds.
 HINDRANCES = """() => {
   const all = (selector) => [...document.querySelectorAll(selector)], found = [];
   if (all("mjx-container[tabindex]").length) found.push("formulas are stops of the Tab key");
@@ -99,9 +99,9 @@ WIDE_TABLES = """() => {
 
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
-# Colours and widths are not defined during a transition.
+# Transitions would show colours between two themes, and widths between two screens.
 STILL = "* { transition: none !important }"
-# axe-core does not judge text on a gradient, so the gradient of scrolling elements is removed.
+# axe-core does not check text on a gradient, such as that of scrolling tables.
 PLAIN = "* { background-image: none !important }"
 COLOURS = ["color-contrast", "link-in-text-block"]
 AXE = "async ([where, options]) => (await axe.run(where, options)).violations"
@@ -118,15 +118,15 @@ def problems(page: Page) -> list[str]:
     return wrong
 
 
-def barriers(page: Page, **options) -> list[str]:
-    """List the findings of axe-core outside formulas and code, except the accepted ones."""
+def accessibility_problems(page: Page, **options) -> list[str]:
+    """List the findings of axe-core outside formulas and code, less the accepted ones."""
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
-    # axe does not read formulas, so a table head that is a formula seems empty.
+    # axe-core does not read formulas, so a table head that is a formula seems empty.
     page.evaluate(
         "() => document.querySelectorAll('th:has(mjx-container)').forEach((x) => { x.dataset.maths = 1; })"
     )
-    # Without preload, since axe would request stylesheets itself, some at a wrong address.
+    # With preload axe-core would request stylesheets, some at a wrong address.
     options = {"resultTypes": ["violations"], "preload": False, **options}
     return [
         f"axe {finding['id']}: {node['html']}"
@@ -136,22 +136,22 @@ def barriers(page: Page, **options) -> list[str]:
     ]
 
 
-def looked_over(page: Page) -> list[str]:
-    """List problems of a page, narrow and wide, except its colours."""
+def layout_problems(page: Page) -> list[str]:
+    """List what is wrong with a page, narrow and wide, apart from its colours."""
     page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
     wrong = [f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES)]
     page.set_viewport_size(WIDE)
     wrong += problems(page) + page.evaluate(WIDE_TABLES)
-    page.wait_for_timeout(400)  # until the theme has made what scrolls a stop of the Tab key
-    return wrong + barriers(page, rules={rule: {"enabled": False} for rule in COLOURS})
+    page.wait_for_timeout(400)  # until the theme has made scrolling elements tab stops
+    return wrong + accessibility_problems(page, rules={rule: {"enabled": False} for rule in COLOURS})
 
 
-def contrasts(page: Page) -> list[str]:
-    """List texts with little contrast, and links too similar to the text around them, in light and dark mode."""
+def contrast_problems(page: Page) -> list[str]:
+    """List texts too pale, and links too like the text around them, in light and in the dark."""
     page.add_style_tag(content=STILL + PLAIN)
     wrong = []
     for theme in ("light", "dark"):
         page.evaluate(IN_THEME, theme)
-        wrong += [f"{theme}: {text}" for text in barriers(page, runOnly=COLOURS)]
+        wrong += [f"{theme}: {text}" for text in accessibility_problems(page, runOnly=COLOURS)]
     return wrong

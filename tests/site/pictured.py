@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-BLOCK = 200_000  # distances at once
+BLOCK = 200_000  # distances computed at once
 STEP = 0.2  # between the points of a curve, in the units of the picture, far below what the tests ask for
 PLOTS = r"""host => [...host.querySelectorAll(".lab-plots svg")].map(svg => ({
   title: svg.querySelector(".lab-title").textContent, said: svg.getAttribute("aria-label"),
@@ -46,8 +46,8 @@ class Plot:
 
     def line(self, kind: str) -> np.ndarray:
         """Return the points of the line of one class, in the units of the picture."""
-        (found,) = [points for name, points in self.lines if name == kind]
-        return found
+        (match,) = [points for name, points in self.lines if name == kind]
+        return match
 
     def apart(self, kind: str, x, y) -> float:
         """Return the largest distance between a line of the plot and a curve, inside the frame."""
@@ -80,19 +80,19 @@ def _farthest(points: np.ndarray, line: np.ndarray) -> float:
 
 
 def _points(path: str) -> np.ndarray:
-    at, found = (0.0, 0.0), []
+    position, points = (0.0, 0.0), []
     for letter, first, second in re.findall(r"([MLHV])(-?[\d.]+)(?: (-?[\d.]+))?", path):
-        at = {"H": (float(first), at[1]), "V": (at[0], float(first))}.get(letter) or (
+        position = {"H": (float(first), position[1]), "V": (position[0], float(first))}.get(letter) or (
             float(first),
             float(second),
         )
-        found.append(at)
-    return np.array(found)
+        points.append(position)
+    return np.array(points)
 
 
 def plots(host) -> dict[str, Plot]:
     """Return the plots of a figure by their titles."""
-    found = {}
+    by_title = {}
     for svg in host.evaluate(PLOTS):
         assert svg["said"] == svg["title"]
         axes = [
@@ -102,16 +102,16 @@ def plots(host) -> dict[str, Plot]:
             )
             for name in "xy"
         ]
-        found[svg["title"]] = Plot(
+        by_title[svg["title"]] = Plot(
             svg["title"], *axes, svg["frame"], [(kind, _points(d)) for kind, d in svg["lines"]]
         )
-    return found
+    return by_title
 
 
 # --- live figures ----------------------------------------------------------------------------------------------------
 
 HEARD = """() => [...document.querySelectorAll(".pidalab-live .lab-live")].every((words) => words.textContent.trim())"""
-UNDRAWN = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
+MISSING_PARTS = """() => [...document.querySelectorAll(".pidalab-live")].flatMap((host, k) => [
   ...(host.querySelectorAll(".lab-plots svg").length ? [] : [`figure ${k}: no plot`]),
   ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
   ...[host.querySelector(".lab-trouble")?.textContent].filter(Boolean),
@@ -157,20 +157,20 @@ EXPECTED = """([told, turned]) => {
 }"""
 
 
-def failed_figures(page):
+def missing_parts(page):
     """List live figures of an open page without a plot, a loop or a spoken description."""
     page.wait_for_function(HEARD, timeout=20_000)
-    return page.evaluate(UNDRAWN)
+    return page.evaluate(MISSING_PARTS)
 
 
-def told(path):
+def states_of(path):
     """Read the settings of the live figures of a built page."""
-    found = re.findall(
+    states = re.findall(
         r'class="pidalab-live".*?<script type="application/json">(.*?)</script>',
         path.read_text(encoding="utf-8"),
         re.DOTALL,
     )
-    return [json.loads(text) for text in found]
+    return [json.loads(text) for text in states]
 
 
 def rows(host):
@@ -178,13 +178,13 @@ def rows(host):
     return [row[1:] for row in host.evaluate(CELLS)[1:]]
 
 
-def as_shown(numbers):
+def expected_numbers(numbers):
     """Return the numbers of a loop with three digits; an unstable loop has one cell in place of missing ones."""
     known = [f"{float(text):.3g}" for text in numbers if text is not None]
     return [*(["unstable"] if len(known) < len(numbers) else []), *known]
 
 
-def as_read(row):
+def displayed_numbers(row):
     return [
         f"{float(text.replace('∞', 'inf')):.3g}" if text[-1].isdigit() or text == "∞" else text
         for text in row
@@ -215,9 +215,9 @@ def turn(page, host, knob):
     return float(value)
 
 
-def knob_problems(page, path):
+def live_figure_problems(page, path):
     """Turn each knob of each live figure of an open page, and list what goes wrong."""
-    figures, wrong = told(path), failed_figures(page)
+    figures, wrong = states_of(path), missing_parts(page)
     if page.locator(".pidalab-live").count() != len(figures):
         wrong.append(f"{len(figures)} live figures in the source, not so many on the page")
     for k, figure in enumerate(figures):
@@ -226,9 +226,10 @@ def knob_problems(page, path):
         for knob in figure["knobs"]:
             turned.append((knob, turn(page, host, knob)))
             expected = page.evaluate(EXPECTED, [figure, turned])
-            found, due = [as_read(row) for row in rows(host)], [as_shown(row) for row in expected]
-            if found != due:
-                wrong.append(f"figure {k}, {knob['label']}: {found} for {due}")
+            shown = [displayed_numbers(row) for row in rows(host)]
+            due = [expected_numbers(row) for row in expected]
+            if shown != due:
+                wrong.append(f"figure {k}, {knob['label']}: {shown} for {due}")
         if len(plots(host)) != len(figure["plots"]):
             wrong.append(f"figure {k}: {len(plots(host))} plots for {figure['plots']}")
     return wrong

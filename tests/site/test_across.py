@@ -47,9 +47,9 @@ def test_conclusions_follow_from_the_numbers(pages, monkeypatch):
     assert list(words.acceleration()["acceleration"]) == ["pays on some", "pays", "pays"]
     honest = tables.frontier()
     monkeypatch.setattr(tables, "frontier", lambda: honest.assign(PIDA=honest["PID"]))
-    found = words.acceleration()
-    assert set(found["acceleration"]) == {"does not pay"}
-    assert set(found["saves, noise loud"]) == {"0%"}
+    table = words.acceleration()
+    assert set(table["acceleration"]) == {"does not pay"}
+    assert set(table["saves, noise loud"]) == {"0%"}
 
 
 def test_map_and_table_agree(pages):
@@ -58,13 +58,13 @@ def test_map_and_table_agree(pages):
     table, study = plant_map.fields(), (tables.pays(), tables.compared("loud").dropna(subset=["of_best"]))
     verdicts = words.acceleration()["acceleration"]
     for (row, _), some in table.groupby(["row", "column"]):
-        found = plant_map.facts(some, study)
-        kind, median = found["kinds"]["loud"], found["saves"]["loud"][0]
+        facts = plant_map.facts(some, study)
+        kind, median = facts["kinds"]["loud"], facts["saves"]["loud"][0]
         assert (kind == "PIDA") == (median >= tables.WORTH)
         if verdicts.iloc[row // 2] == "pays":
             assert kind == "PIDA"
-        advice = plant_map.advice(found["rule"], found["distance"])
-        assert ("take the optimum" in advice) == (1 - 1 / found["distance"] >= tables.WORTH)
+        advice = plant_map.advice(facts["rule"], facts["distance"])
+        assert ("take the optimum" in advice) == (1 - 1 / facts["distance"] >= tables.WORTH)
 
 
 @pytest.mark.parametrize("ms", [1.4, 2.0])

@@ -7,8 +7,8 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
-from looking import NARROW, OVERFLOW, barriers, contrasts, looked_over
-from pictured import knob_problems
+from looking import NARROW, OVERFLOW, accessibility_problems, contrast_problems, layout_problems
+from pictured import live_figure_problems
 
 
 class QuietHandler(SimpleHTTPRequestHandler):
@@ -19,7 +19,7 @@ class QuietHandler(SimpleHTTPRequestHandler):
 @contextmanager
 def serve(directory):
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=directory)) as server:
-        # the interval is how long a server that is told to stop goes on
+        # the interval limits how long the server takes to stop
         threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}"
         server.shutdown()
@@ -35,10 +35,10 @@ def test_page(page_name, home, site, visit):
     """Each page is loaded once for all checks, since loading takes longest."""
     page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
-    assert knob_problems(page, site / f"{page_name}.html") + looked_over(page) + wrong == []
+    assert live_figure_problems(page, site / f"{page_name}.html") + layout_problems(page) + wrong == []
 
 
-# pages with every kind of text, table, figure and control that the book has
+# pages with every kind of text, table, figure and control of the book
 COLOURED = [
     "intro",
     "lab",
@@ -54,7 +54,7 @@ COLOURED = [
 @pytest.mark.parametrize("name", COLOURED)
 def test_texts_and_links_have_enough_contrast(name, home, visit):
     page, _ = visit(f"{home}/book/{name}.html")
-    assert contrasts(page) == []
+    assert contrast_problems(page) == []
 
 
 def test_every_page_forbids_other_hosts(site):
@@ -120,14 +120,14 @@ FOUND = """(queries) => queries.map((query) => {
 def test_search_finds_sections_that_answer(home, visit):
     page, wrong = visit(f"{home}/search.html?q=dead+time")
     page.locator("#search-results li a").first.wait_for()
-    found = dict(zip([*ANSWERED, *WORDS], page.evaluate(FOUND, [*ANSWERED, *WORDS]), strict=True))
+    results = dict(zip([*ANSWERED, *WORDS], page.evaluate(FOUND, [*ANSWERED, *WORDS]), strict=True))
     missed = {
-        query: found[query]
+        query: results[query]
         for query, answer in ANSWERED.items()
-        if not any(answer in each for each in found[query])
+        if not any(answer in each for each in results[query])
     }
     assert (missed, wrong) == ({}, [])
-    first = [found[words][0] for words in WORDS]
+    first = [results[words][0] for words in WORDS]
     assert [address for address in first if "#" not in address or NOT_FIRST.search(address)] == []
 
 
@@ -173,9 +173,9 @@ def test_pages_without_javascript_show_pictures(browser, site):
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
     paths = [
-        one
-        for one in (site / "book").rglob("*.html")
-        if any(mark in one.read_text("utf-8") for mark in MARKS)
+        file
+        for file in (site / "book").rglob("*.html")
+        if any(mark in file.read_text("utf-8") for mark in MARKS)
     ]
     assert len(paths) == 12  # six lectures, five chapters, the lab
     for path in paths:
@@ -229,7 +229,7 @@ def test_slides_in_the_dark_on_a_phone(lectures, visit):
     page.keyboard.press("Home")
     page.keyboard.press("ArrowRight")
     assert page.evaluate(SHOWN) == 2
-    assert wrong + barriers(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
+    assert wrong + accessibility_problems(page, runOnly=["color-contrast", "image-alt", "button-name"]) == []
 
 
 def test_arrow_keys_move_a_slider_and_not_the_slides(lectures, visit):

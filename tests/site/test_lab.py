@@ -28,7 +28,7 @@ from pictured import plots
 import pidalab
 
 NUMBER = r"(\d[\d.]*)"
-# The lab draws before the next frame; an address is heard of by the lab first, and then here.
+# The lab has saved its state in the address.
 SAVED = "() => location.hash === `#${document.querySelector('.pidalab-lab').lab.link()}`"
 
 
@@ -179,10 +179,10 @@ def test_three_kinds_by_a_rule(lab):
     assert [row[3] for row in rows] == ["1.4"] * 3
     iae = [float(row[1]) for row in rows]
     assert sorted(iae, reverse=True) == iae
-    # fair: one noise, too, and a word on the kind that makes no use of it
+    # fair terms limit the noise gain, too, and a note names the kind that needs less
     assert page.get_by_label(FAIR).is_checked()
     noise = [float(row[4]) for row in rows]
-    assert noise == pytest.approx([0.0735, 0.81, 1.5], rel=2e-3)  # of the shortest filters, and the limit
+    assert noise == pytest.approx([0.0735, 0.81, 1.5], rel=2e-3)  # for the shortest filters, and at the limit
     notes = page.locator(".lab-note").all_inner_texts()
     assert notes[0] == "It needs a relative noise gain of only 0.0735 of the 1.5 allowed."
     assert len(notes) == 2
@@ -200,7 +200,7 @@ def test_a_design_by_hand_has_a_note(lab):
     assert re.match(
         r"By hand: Ms 1\.\d+ and relative noise gain .*, where the others have at most 1\.4 and 1\.5", note
     )
-    # three kinds of a shape by hand are made fair
+    # the button applies fair terms to designs by hand
     press(page, "PI, PID and PIDA by this rule")
     wait_for_columns(page, "'1.4,1.4,1.4'", MS)
     assert page.get_by_label("rule", exact=True).input_value() == "gain"
@@ -272,9 +272,9 @@ def test_designs_saved_as_files(lab, tmp_path):
     saved = json.loads((tmp_path / "pida_designs.json").read_text(encoding="utf-8"))
     process = pidalab.Process(**saved["process"])
     for design, (kind, order) in zip(saved["designs"], (("PI", 0), ("PID", 1), ("PIDA", 2)), strict=True):
-        own = pidalab.HighOrderPID(design["gains"][: order + 2], design["filterTime"], design["filterOrder"])
+        C = pidalab.HighOrderPID(design["gains"][: order + 2], design["filterTime"], design["filterOrder"])
         assert design["kind"] == kind
-        assert pidalab.margins(pidalab.Loop(process, own)).ms == pytest.approx(1.4, rel=1e-3)
+        assert pidalab.margins(pidalab.Loop(process, C)).ms == pytest.approx(1.4, rel=1e-3)
     said = StringIO()
     with redirect_stdout(said):
         exec((tmp_path / "pida_designs.py").read_text(encoding="utf-8"), {})
@@ -310,7 +310,7 @@ def test_the_library_call_has_limits_and_sampling_or_names_what_it_leaves_out(la
 DROP = "text => { const d = new DataTransfer(); d.items.add(new File([text], 'step.csv')); return d; }"
 
 
-def dropped(page, text, words="Record of", hear=read):
+def drop_record(page, text, words="Record of", hear=read):
     page.dispatch_event(".lab-drop", "drop", {"dataTransfer": page.evaluate_handle(DROP, text)})
     return hear(page, words)
 
@@ -328,27 +328,27 @@ def test_a_dropped_record_becomes_a_plant_and_a_design(lab):
     late = np.maximum(t - 1.0, 0.0)
     y = 2.0 * (1 - np.exp(-late) * (1 + late + late**2 / 2))
     rows = [f"{a:.3f};{b:.6f}".replace(".", ",") for a, b in zip(t, y, strict=True)]
-    dropped(page, "\n".join(["Zeit;y", *rows]), "Record of 200 samples")
-    found = plant_shown(page)
-    assert found["gain"] == pytest.approx(2.0, rel=0.01)
-    assert found["dead time"] == pytest.approx(1.0, abs=0.05)
-    assert sum(found.values()) - found["gain"] == pytest.approx(4.0, rel=0.01)
+    drop_record(page, "\n".join(["Zeit;y", *rows]), "Record of 200 samples")
+    plant = plant_shown(page)
+    assert plant["gain"] == pytest.approx(2.0, rel=0.01)
+    assert plant["dead time"] == pytest.approx(1.0, abs=0.05)
+    assert sum(plant.values()) - plant["gain"] == pytest.approx(4.0, rel=0.01)
     announced(page, "PIDA: IAE")
     spaced = [f"{a:.3f}  1  {b:.6f}" if a else "0 0 0" for a, b in zip(t, y, strict=True)]
-    dropped(page, "\n".join(["time u y", *spaced]), "tune step.csv")  # in three columns, with a command
+    drop_record(page, "\n".join(["time u y", *spaced]), "tune step.csv")  # in three columns, with a command
     clock = [f"12:00:{a:06.3f},{b:.6f}" for a, b in zip(t, y, strict=True)]
-    dropped(page, "\n".join(clock), "Record of 200 samples")
+    drop_record(page, "\n".join(clock), "Record of 200 samples")
     wide = [
         f"{k};{b:.4f};{0.2 * b + 7:.4f};{min(k, 1)};{a:.3f}"
         for k, (a, b) in enumerate(zip(t, y, strict=True))
     ]
-    dropped(page, "\n".join(["no;level;other;valve %;seconds", *wide]), "Record of 200 samples")
+    drop_record(page, "\n".join(["no;level;other;valve %;seconds", *wide]), "Record of 200 samples")
     for label, name in (("time", "seconds"), ("input", "valve %"), ("output", "level")):
         page.locator(".lab-columns").get_by_label(label).select_option(name)
     read(page, "tune step.csv --time=seconds --u='valve %' --y=level --kind")
     assert plant_shown(page)["gain"] == pytest.approx(2.0, rel=0.01)
-    dropped(page, "no numbers", "needs ten rows", announced)
-    dropped(page, "\n".join(f"7,{b:.6f}" for b in y), "times do not rise", announced)
+    drop_record(page, "no numbers", "needs ten rows", announced)
+    drop_record(page, "\n".join(f"7,{b:.6f}" for b in y), "times do not rise", announced)
 
 
 @pytest.mark.parametrize(("name", "gain", "times"), [("step_record", 1.8, 37.0), ("plant_record", 2.3, 35.1)])
@@ -358,11 +358,11 @@ def test_records_of_the_book_give_a_plant_and_a_design(lab, root, name, gain, ti
     page.locator("input[type=file]").set_input_files(root / "book" / "data" / f"{name}.csv")
     said = read(page, "Record of")
     assert float(re.search(r"explains ([\d.]+) %", said)[1]) > 99.9
-    found = plant_shown(page)
-    assert found["gain"] == pytest.approx(gain, rel=0.01)
-    assert sum(found.values()) - found["gain"] == pytest.approx(times, rel=0.02)
+    plant = plant_shown(page)
+    assert plant["gain"] == pytest.approx(gain, rel=0.01)
+    assert sum(plant.values()) - plant["gain"] == pytest.approx(times, rel=0.02)
     page.wait_for_function(FOUND)
-    assert "Record of" in page.locator(".lab-about").text_content()  # the search does not wipe it away
+    assert "Record of" in page.locator(".lab-about").text_content()  # the search does not overwrite it
     choose(page, "controller", "PID")
     read(page, f"pidalab tune {name}.csv --kind PID --ms 1.4")
     page.wait_for_function(FOUND)
@@ -417,7 +417,7 @@ def test_undo_skips_the_result_of_a_search(lab):
 def test_a_change_of_plant_retunes_or_explains_why_not(lab):
     page = lab()
     choose(page, "plant", "huba-ipdt")
-    # a rule that does not serve gives way, and nothing is shown until there is a design
+    # a rule that does not apply is replaced, and nothing is shown until the search ends
     announced(page, "needs a plant that does not integrate; least IAE in place of cancel the lags")
     page.wait_for_function("() => !document.querySelector('.pidalab-lab').lab.state.designs[0].pending")
     choose(page, "rule", "cancellation")
@@ -444,7 +444,7 @@ HANDLE = """title => {
 }"""
 
 
-def dragged(page, title, dx, dy):
+def drag(page, title, dx, dy):
     page.locator(f'svg[aria-label^="{title}"]').scroll_into_view_if_needed()
     x, y = page.evaluate(HANDLE, title)
     page.mouse.move(x, y)
@@ -456,14 +456,14 @@ def dragged(page, title, dx, dy):
 
 def test_limits_are_dragged_in_the_plots(lab):
     page = lab()
-    dragged(page, "Nyquist", -8, 8)  # towards -1: a larger Ms
+    drag(page, "Nyquist", -8, 8)  # towards -1: a larger Ms
     ms = float(value_of(page, "Ms"))
     assert 1.45 < ms < 2.5
     assert float(page.evaluate(COLUMNS)[0][3]) == pytest.approx(ms, rel=1e-3)
     page.get_by_label(FAIR).uncheck()
     page.evaluate(NEXT_FRAME)
     before = float(value_of(page, "filter time"))
-    dragged(page, "From measurement noise", -30, 0)  # to lower frequencies: a slower filter
+    drag(page, "From measurement noise", -30, 0)  # to lower frequencies: a slower filter
     assert float(value_of(page, "filter time")) > 1.2 * before
 
 
@@ -499,7 +499,7 @@ def test_a_digital_loop_is_drawn_between_its_samples_and_from_sample_to_sample(l
       const near = Math.max(...w.map((_, k) => 1 / Math.hypot(1 + re[k], im[k])));
       return [current.ms, near, w[w.length - 1], current.setpoint.t.length, current.setpoint.between.t.length];
     }""")
-    assert near == pytest.approx(top, rel=0.01)  # of the curve that is drawn, and of the table
+    assert near == pytest.approx(top, rel=0.01)  # Ms of the curve is that of the table
     assert last == pytest.approx(np.pi)
     assert between > 20 * count
 
@@ -507,12 +507,12 @@ def test_a_digital_loop_is_drawn_between_its_samples_and_from_sample_to_sample(l
 def test_on_a_phone_the_plot_comes_before_the_knobs(lab):
     page = lab(viewport=NARROW)
     tops = [
-        page.locator(one).first.bounding_box()["y"]
-        for one in (".lab-plots svg", ".lab-controls", ".lab-table")
+        page.locator(selector).first.bounding_box()["y"]
+        for selector in (".lab-plots svg", ".lab-controls", ".lab-table")
     ]
     assert sorted(tops) == tops
     assert tops[0] < 844
-    # the answer to a load stays in sight beside the knobs, and covers no other plot
+    # the load response stays visible next to the knobs, and covers no other plot
     page.get_by_label("kp, number", exact=True).scroll_into_view_if_needed()
     page.mouse.wheel(0, 200)
     page.evaluate(NEXT_FRAME)

@@ -108,7 +108,7 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
         "() => document.querySelector('.lab-table tbody td:nth-of-type(5)').textContent === '1.5'"
     )
     calm = reached()
-    # two changes, two drawings: the second may still be due when the first is seen
+    # each change is drawn separately
     for change in (
         page.get_by_label("measurement noise", exact=True).check,
         lambda: enter(page, "noise, ±", 0.2),
@@ -120,7 +120,7 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
         )
     noisy = reached()
     assert min(calm + noisy) > 0
-    assert noisy[1] > 5 * calm[1]  # the kick meets the upper limit once, the noise again and again
+    assert noisy[1] > 5 * calm[1]  # the peak meets the upper limit once, the noise often
 
 
 def test_each_anti_windup_option(lab):

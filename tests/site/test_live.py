@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from pictured import CELLS, failed_figures, plots, rows
+from pictured import CELLS, missing_parts, plots, rows
 
 import pidalab
 from pidalab.digital import DigitalController
@@ -45,7 +45,7 @@ CONTROLLERS = {
 }
 LOOKS = (4, 1, 0)  # colours and dashes of PI, PID, PIDA
 PLOTS = ["setpoint", "load", "control", "effort", "nyquist", "bode", "closed", "lead", "noise"]
-NUMBERS = {  # names of the table by their keys
+NUMBERS = {  # names in the table by their keys
     "iae": "IAE load",
     "iaeSetpoint": "IAE set point",
     "ms": "Ms",
@@ -66,9 +66,9 @@ OF_RESPONSES = ["iae", "iaeSetpoint", "peak", "overshoot"]
 
 def responses(loop, **how):
     """Return numbers and curves of the steps of set point and load."""
-    own = loop.controller if isinstance(loop.controller, DigitalController) else None
-    t = np.arange(0.0, END + 1e-9, own.sample_time if own else 0.01)
-    simulate = pidalab.simulate_sampled if own or how else pidalab.simulate
+    digital = loop.controller if isinstance(loop.controller, DigitalController) else None
+    t = np.arange(0.0, END + 1e-9, digital.sample_time if digital else 0.01)
+    simulate = pidalab.simulate_sampled if digital or how else pidalab.simulate
     setpoint, load = simulate(loop, t, 1.0, load=0.0, **how), simulate(loop, t, 0.0, load=1.0, **how)
     numbers = {
         "iae": load.iae(),
@@ -88,16 +88,16 @@ def responses(loop, **how):
 def frequencies(loop):
     """Return numbers and curves of a loop's frequency responses."""
     w = np.geomspace(0.8 / END, 16_000 / END, 20_001)
-    open_loop, found = loop.L(1j * w), pidalab.margins(loop)
+    open_loop, margins = loop.L(1j * w), pidalab.margins(loop)
     size, control = np.abs(open_loop), open_loop / loop.process(1j * w)
     below = int(np.argmax(size < 1))
     rising = np.flatnonzero(np.diff(size[below:]) > 0)
     numbers = {
-        **{key: getattr(found, key) for key in ("ms", "gm", "pm", "dm")},
+        **{key: getattr(margins, key) for key in ("ms", "gm", "pm", "dm")},
         "mks": max_control_sensitivity(loop)[0],
         "sigma": pidalab.relative_noise_gain(loop),
-        "gmLeast": 1 / (1 - 1 / found.ms),
-        "pmLeast": np.degrees(2 * np.arcsin(1 / (2 * found.ms))),
+        "gmLeast": 1 / (1 - 1 / margins.ms),
+        "pmLeast": np.degrees(2 * np.arcsin(1 / (2 * margins.ms))),
         "first": 180 + np.degrees(np.angle(open_loop[below])),
         "hump": size[below:][rising[0] :].max() if len(rising) else 0.0,
     }
@@ -122,26 +122,26 @@ def shown(open_figure, **more):
     page, wrong = open_figure(
         CAPTIONED % (json.dumps(pidalab.plots.live(PROCESS, CONTROLLERS, **more).state), SCRIPTS)
     )
-    assert failed_figures(page) + wrong == []
+    assert missing_parts(page) + wrong == []
     host = page.locator(".pidalab-live")
     head, *rows = host.evaluate(CELLS)
     assert [row[0] for row in rows] == list(CONTROLLERS)
     assert head[1:] == [NUMBERS[key] for key in more["numbers"]]
-    found = [[float(text.replace("∞", "inf")) for text in row[1:]] for row in rows]
+    numbers = [[float(text.replace("∞", "inf")) for text in row[1:]] for row in rows]
     assert page.locator(".lab-live").text_content().count(" IAE load ") == 3
     words = page.locator(".lab-table p").all_text_contents()
     assert len(words) == ("sigma" in more["numbers"])
     assert all("over the ultimate gain" in each for each in words)
-    return [dict(zip(more["numbers"], row, strict=True)) for row in found], plots(host)
+    return [dict(zip(more["numbers"], row, strict=True)) for row in numbers], plots(host)
 
 
 def test_numbers_and_curves_of_linear_loops_are_those_of_the_library(open_figure):
-    found, drawn = shown(open_figure, plots=PLOTS, numbers=list(NUMBERS), conditions={"end": END})
+    numbers, drawn = shown(open_figure, plots=PLOTS, numbers=list(NUMBERS), conditions={"end": END})
     assert len(drawn) == len(PLOTS)
     for k, controller in enumerate(CONTROLLERS.values()):
         loop = pidalab.Loop(PROCESS, controller)
         (ours, signals), (others, curves) = responses(loop), frequencies(loop)
-        assert found[k] == pytest.approx({**ours, **others}, rel=6e-3)
+        assert numbers[k] == pytest.approx({**ours, **others}, rel=6e-3)
         for title, curve in {**signals, **curves}.items():
             assert drawn[title].apart(f"lab-{LOOKS[k]}", *curve) < 1.0, (title, k)
 
@@ -149,7 +149,7 @@ def test_numbers_and_curves_of_linear_loops_are_those_of_the_library(open_figure
 @pytest.mark.parametrize("way", ["none", "clamping", "conditioning"])
 def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
     h, limits, names = 0.25, (-1.05, 1.5), {"none": None, "conditioning": "reset"}
-    found, drawn = shown(
+    numbers, drawn = shown(
         open_figure,
         plots=PLOTS[:4],
         numbers=[*OF_RESPONSES, "ms"],
@@ -158,7 +158,7 @@ def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
     for k, controller in enumerate(CONTROLLERS.values()):
         loop = pidalab.Loop(PROCESS, controller.discretise(h, limits=limits, anti_windup=names.get(way, way)))
         ours, signals = responses(loop)
-        assert found[k] == pytest.approx({**ours, "ms": pidalab.margins(loop).ms}, rel=6e-3)
+        assert numbers[k] == pytest.approx({**ours, "ms": pidalab.margins(loop).ms}, rel=6e-3)
         for title, curve in signals.items():
             expected = stairs(curve) if title.startswith("Control") else curve
             assert drawn[title].apart(f"lab-{LOOKS[k]}", *expected) < 1.0, (title, k)
@@ -166,7 +166,7 @@ def test_numbers_and_curves_of_digital_loops_with_limits(open_figure, way):
 
 def test_a_live_figure_replaces_its_picture_and_keeps_the_caption(open_figure):
     page, wrong = open_figure(CAPTIONED % (LIVE_STATE, SCRIPTS))
-    assert failed_figures(page) + wrong == []
+    assert missing_parts(page) + wrong == []
     assert page.locator("#fig img").count() == 0
     assert page.locator("#fig figcaption").inner_text() == "Words. Open in the lab."
     assert page.locator("#fig svg").count() == 1

@@ -143,7 +143,7 @@ def test_no_link_is_broken(site):
             if not target.is_file():
                 wrong.append(f"{path.relative_to(site)}: {address} is not there")
             elif anchor == "slides" or (file.endswith("lab.html") and anchor.startswith("lab-")):
-                continue  # a way to show the page, or a state of the lab
+                continue  # not an anchor, but slides or a state of the lab
             elif anchor and target in pages and unquote(anchor) not in pages[target].anchors:
                 wrong.append(f"{path.relative_to(site)}: {address} has no such anchor")
     assert wrong == []
@@ -243,7 +243,7 @@ def test_sheets_print_the_word_for_each_wrong_answer():
 def test_a_sheet_has_every_task_and_what_is_for_its_reader(site, kind, shown):
     soup = sheets.sheet("Tasks", shown)
     tasks = soup.select(".pidalab-task")
-    assert len(tasks) == sum(len(found) for _, found in sheets.collected()) >= 24
+    assert len(tasks) == sum(len(page_tasks) for _, page_tasks in sheets.collected()) >= 24
     assert soup.select(".pidalab-task script, .pidalab-task .headerlink, form") == []
     for task in tasks:
         parts = [part.get_text() for part in task.select(".task-part")]
@@ -251,7 +251,7 @@ def test_a_sheet_has_every_task_and_what_is_for_its_reader(site, kind, shown):
         assert bool(task.select(".task-said")) <= ("said" in shown)
     text = soup.get_text(" ")
     assert ("That is the integral gain" in text) == (kind == "tasks-teacher")
-    assert "its lead allows more gain" in text  # options are part of the question
+    assert "its lead allows more gain" in text  # the sheet has the options of a question
 
 
 PAGE = """
@@ -287,7 +287,7 @@ def test_tables_of_how_we_know_are_filled_and_shown(site, root):
 
 
 def test_the_notice_covers_every_file_of_the_site(site):
-    found = vendored.components(vendored.table(), site)
-    assert (site / vendored.NOTICE).read_text(encoding="utf-8") == vendored.notice(found)
-    assert {name for one in found for name in one["files"]} == set(vendored.carried(site))
-    assert all(re.fullmatch(r"[\d.]+", one["version"]) for one in found)
+    components = vendored.components(vendored.table(), site)
+    assert (site / vendored.NOTICE).read_text(encoding="utf-8") == vendored.notice(components)
+    assert {name for component in components for name in component["files"]} == set(vendored.carried(site))
+    assert all(re.fullmatch(r"[\d.]+", component["version"]) for component in components)

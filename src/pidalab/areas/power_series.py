@@ -51,7 +51,7 @@ def polynomial(descending: Iterable[Any], count: int) -> list[Fraction]:
 
 
 def dead_time(delay: float, count: int) -> list[Fraction]:
-    """Return the series of e^(-s delay): its coefficients are delay^k / k!."""
+    """Return the series of e^(-s delay), with the coefficients delay^k / k!."""
     result = [Fraction(1)]
     for k in range(1, count):
         result.append(result[-1] * Fraction(delay) / k)

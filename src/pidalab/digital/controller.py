@@ -34,7 +34,7 @@ class DigitalController(Parameters):
     and :math:`\varepsilon_{k-1}` is the limited signal less the integral. At a limit the integral is corrected as
     `anti_windup` says.
 
-    The first call of ``step`` starts without a bump: the control signal is `bias`, and the filters rest. (A controller
+    The first call of ``step`` starts without a bump. The control signal is `bias`, and the filters rest. (A controller
     without integral action starts with its own signal.) In manual mode the control signal is the given one, and the
     integral tracks it. A sample with an invalid signal is skipped, and the control signal holds. ``step`` keeps its
     states in the object. Simulations have states of their own.
@@ -245,11 +245,11 @@ class DigitalController(Parameters):
     ) -> float:
         """Advance by one sample, as the written code in Python, C and structured text does.
 
-        The first call starts without a bump: it returns `bias`, and filters and integral rest at the given signals.
+        The first call starts without a bump. It returns `bias`, and filters and integral rest at the given signals.
         `pidalab.simulate_sampled` starts from rest at the working point instead. For the same start here, call
         ``reset(r=y_offset, y=y_offset)`` first.
 
-        A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped: states and control signal keep
+        A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped. States and control signal keep
         their values, ``fault`` is True, and the next good sample continues from there.
 
         Parameters
@@ -309,11 +309,11 @@ class DigitalController(Parameters):
 
         It has no prefilter: ``k.prefilter(z)`` evaluates that.
         """
-        at = _check.complex_array("z", z)
-        signal = sum((path(at) for path in self.paths), np.zeros_like(at))
+        points = _check.complex_array("z", z)
+        signal = sum((path(points) for path in self.paths), np.zeros_like(points))
         if not self.integrates:
             return signal
-        growth = (self.growth[0] * at + self.growth[1]) / (at - 1)
+        growth = (self.growth[0] * points + self.growth[1]) / (points - 1)
         return signal * (1 + growth) if self.from_signal else signal + growth
 
     def transfer_function(self) -> control.TransferFunction:

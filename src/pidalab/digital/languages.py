@@ -40,8 +40,8 @@ PYTHON = Language(
 def function(program: Program) -> Callable[..., float]:
     """Return the step as a function of an object with the states, which it changes, and of the inputs.
 
-    The text that runs holds no text from a file or a user: all names come from `program`, and constants do not pass
-    through text.
+    The executed text contains nothing from a file or a user. All names come from `program`, and constants are not
+    converted to text.
     """
     space: dict[str, Any] = {"__builtins__": {}, **program.constants}
     exec(_compiled(method(program, "", notes=False)), space)

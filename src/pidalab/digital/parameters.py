@@ -26,7 +26,7 @@ SHARE_ROUNDING = 1e-6  # tolerance for the sum of the two coefficients of a lag,
 class Parameters:
     """The fields of a `DigitalController`, which explains them.
 
-    Every field is checked: numbers are finite and within their ranges, words are among those allowed, and names of
+    Every field is checked. Numbers are finite and within their ranges, words are among those allowed, and names of
     paths are plain identifiers. Nothing else can reach code that is written or run.
     """
 

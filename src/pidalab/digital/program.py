@@ -4,7 +4,7 @@ This is the only description of the step. It is written in several languages, ru
 simulations (`pidalab.simulation.operations`). The order is: check the inputs; prefilter; deadband; filter chains;
 tracking; integral; limits of rate and range; anti-windup.
 
-The step is defined for any input: the control signal is always a number within the limits. A sample with an input that
+The step is defined for any input. The control signal is always a number within the limits. A sample with an input that
 is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped: states and control signal keep their values, and `fault` is
 true. For all other inputs nothing overflows.
 
@@ -128,7 +128,7 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller. With `block`, a filter outside the program computes `summed` from the error.
 
-    The result is cached and shared: do not change it.
+    The result is cached and shared, so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}
@@ -194,7 +194,7 @@ def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
 
 
 def _skipped(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a skipped sample: the signal holds, unless an operator sets it."""
+    """Return the statements for a skipped sample, in which the signal holds unless an operator sets it."""
     # The next valid sample continues from the present signal, as after manual mode.
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
     limited = [*_limited(named), *_at_limit(k), Set("control", "limited")]

@@ -106,8 +106,8 @@ def three_point(
 
         model = three_point(pidalab.Record(t, u, y))
 
-    An offset of y has no effect. Noise has: the rest value of an array is one sample, and a level counts as reached at
-    the first sample above it. Up to a noise of about 1 % of the change the model is useful. For more noise use
+    An offset of y has no effect, but noise has. The rest value of an array is one sample, and a level counts as reached
+    at the first sample above it. Up to a noise of about 1 % of the change the model is useful. For more noise use
     `pidalab.identification.fit`, which uses all samples.
 
     The formulas of eq. (5) lose dead times that are short against the dominant lag. With τ = 1, L = 0.25 and α = 0.9
@@ -336,7 +336,7 @@ def ipdt_least_squares(
 
     Notes
     -----
-    The paper does not print its criterion. This one follows its words: least squares, and the largest gain.
+    The paper does not print its criterion. This one follows its words, least squares and the largest gain.
 
     Examples
     --------

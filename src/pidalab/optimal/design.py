@@ -345,10 +345,10 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
 
 def _edge(search: Search, x: Array) -> tuple[str, ...]:
     """Return the variables at the edge of the search that no limit of the user explains."""
-    at = search.problem.gains
-    slowest = search.bounds[at][1]
-    edges = ["filter_time"] if x[at] < FASTEST + 1e-3 or x[at] > slowest - 1e-3 else []
-    return (*edges, *(["gains"] if x[:at].max() > LARGEST_GAIN * (1 - 1e-3) else []))
+    index = search.problem.gains
+    slowest = search.bounds[index][1]
+    edges = ["filter_time"] if x[index] < FASTEST + 1e-3 or x[index] > slowest - 1e-3 else []
+    return (*edges, *(["gains"] if x[:index].max() > LARGEST_GAIN * (1 - 1e-3) else []))
 
 
 def _iae(loop: Loop, time: float) -> float:
@@ -416,11 +416,11 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
 
 def _shaken(search: Search, x: Array) -> Iterator[Array]:
     """Yield random starts around a controller whose loops are stable, the same at each run."""
-    rng, at = np.random.default_rng(0), search.problem.gains
+    rng, count = np.random.default_rng(0), search.problem.gains
     for gains, filter_time in SHAKES:
         start = x.copy()
-        start[:at] *= np.exp(rng.normal(0.0, gains, at))
-        start[at] = np.clip(x[at] + rng.normal(0.0, filter_time), *search.bounds[at])
+        start[:count] *= np.exp(rng.normal(0.0, gains, count))
+        start[count] = np.clip(x[count] + rng.normal(0.0, filter_time), *search.bounds[count])
         if not search.problem.unstable(start):
             yield start
 

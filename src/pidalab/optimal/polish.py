@@ -99,13 +99,13 @@ class Peaks:
         value, turn = np.empty(s.size, dtype=complex), np.empty(s.size, dtype=complex)
         owner = np.where(kinds < NOMINAL, 0, kinds)
         for kind in np.unique(owner):
-            at, plant = owner == kind, self.plants[kind]
-            here = s[at]
-            value[at] = plant(here)
+            place, plant = owner == kind, self.plants[kind]
+            here = s[place]
+            value[place] = plant(here)
             by_num, by_den = (
                 np.polyval(np.polyder(c), here) / np.polyval(c, here) for c in (plant.num, plant.den)
             )
-            turn[at] = here * (by_num - by_den - plant.delay)
+            turn[place] = here * (by_num - by_den - plant.delay)
         return value, turn
 
     def near(self, x: Array) -> tuple[Any, Array]:
@@ -388,12 +388,12 @@ def _safe(search: Search, x: Array) -> bool:
     loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)
-        ms, at = max_sensitivity(other)
-        peaks.append((ms if is_surely_stable(other) else np.inf, at, k))
+        ms, frequency = max_sensitivity(other)
+        peaks.append((ms if is_surely_stable(other) else np.inf, frequency, k))
     worst = sorted(peaks, reverse=True)[:WORST_PLANTS]
     over = [entry for entry in worst if entry[0] > search.limits.ms_worst]
-    for _, at, k in over:
-        search.see(k, at)
+    for _, frequency, k in over:
+        search.see(k, frequency)
     return not over
 
 
@@ -413,10 +413,10 @@ def _keeps(search: Search, x: Array, noise: float) -> bool:
     """Return True if all limits hold. Otherwise add the frequencies where they do not."""
     loop, kept = search.loop(x), True
     for name, most in search.limits.peaks(0.0).items():
-        height, at = SUPREMA[name](loop)
+        height, frequency = SUPREMA[name](loop)
         if height > most:
             kept = False
-            search.look_at(at)
+            search.look_at(frequency)
     if search.limits.noise_gain is not None and noise > search.limits.noise_gain:
         kept = False
         search.aim *= search.limits.noise_gain / noise * (1 - search.spare)

@@ -81,13 +81,13 @@ class Search:
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
         """Return the best start at another filter time: last optimum, the same with less derivative, or first start."""
-        at, constraints = self.problem.gains, self.constraints()
+        count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
         powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (
-            np.arange(x.size) < at
+            np.arange(x.size) < count
         )  # orders of derivatives
         for start in (first.copy(), *(x * share**powers for share in (1.0, 0.6, 0.3, 0.1))):
-            start[at] = filter_time
+            start[count] = filter_time
             value = self.log_iae(start)[0] + np.log1p(VIOLATION_PRICE * self.violation(start, constraints))
             if value < least:
                 best, least = start, value
@@ -134,15 +134,15 @@ class Search:
         from scipy.optimize import minimize
 
         bounds, x = list(self.bounds), start.copy()
-        at = self.problem.gains
+        index = self.problem.gains
         if filter_time is not None:
-            x[at], bounds[at] = filter_time, (filter_time, filter_time)
-        x[at - 1], bounds[at - 1] = min(x[at - 1], highest), (0.0, highest)
+            x[index], bounds[index] = filter_time, (filter_time, filter_time)
+        x[index - 1], bounds[index - 1] = min(x[index - 1], highest), (0.0, highest)
         low, high = np.transpose(bounds)
         constraints, value = self.constraints(), self.log_iae(x)[0]
         with np.errstate(all="ignore"):
             for _ in range(AGAIN):
-                scaled = Scaled(x, at)
+                scaled = Scaled(x, index)
                 value_of, slope_of = scaled.functions(CachedValueAndSlope(self.log_iae))
                 limits = (
                     dict(zip(("fun", "jac"), scaled.functions(each), strict=True)) for each in constraints

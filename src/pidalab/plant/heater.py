@@ -57,7 +57,7 @@ class Lab:
         self.connected = connected
         self._random = random.Random(_check.integer("seed", seed, at_least=0)).getstate()
         self._labtime = tclab.labtime
-        with _silent():
+        with contextlib.nullcontext() if connected else _silent():
             self._device = tclab.TCLab() if connected else tclab.TCLabModel(synced=False)
         self._now = 0.0 if connected else self._device.tlast  # its clock need not begin at 0
 
@@ -75,7 +75,7 @@ class Lab:
         >>> from pidalab.plant.heater import Lab
         >>> Lab().close()
         """
-        with _silent():
+        with contextlib.nullcontext() if self.connected else _silent():
             self._device.close()
 
     def hold(self, power: float = 0.0, duration: float = 1200.0) -> None:

@@ -137,7 +137,7 @@ class Report:
         --------
         >>> import pidalab
         >>> pidalab.report(pidalab.lags(3, delay=1.0), kinds=("PI",), rule="simc").table()[1][:2]
-        ['Ms', '1.533']
+        ['Ms', '1.527']
         """
         lines = [["", *(row.kind for row in self.rows), ""]]
         for x, (name, meaning) in MEASURES.items():

@@ -25,7 +25,7 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# longest sample time over the longest time of an integrating plant: all but the integrator is then at rest
+# longest sample time over the longest time of an integrating plant, after which all except the integrator is at rest
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # ratio of sample times from which on they may be in different units
 DEFAULT_MKS = 10.0  # default limit of the gain from noise to u, in units of `_gain_needed`

@@ -268,10 +268,10 @@ def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[flo
     start, slope = np.transpose(lines)
     with np.errstate(divide="ignore", invalid="ignore"):
         meet = np.subtract.outer(start, start) / -np.subtract.outer(slope, slope)
-    at = np.unique(np.append([0.0, most], meet[(meet > 0) & (meet < most)]))
-    least = np.min(start + np.outer(at, slope), axis=1)
+    places = np.unique(np.append([0.0, most], meet[(meet > 0) & (meet < most)]))
+    least = np.min(start + np.outer(places, slope), axis=1)
     k = int(np.argmax(least))  # of equal ones the smallest multiplier
-    return float(at[k]), float(least[k])
+    return float(places[k]), float(least[k])
 
 
 def smallest_filter_time(
@@ -399,10 +399,10 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     change = np.abs(np.diff(values))
     inner = values[1:-1]
     dips = (inner <= values[:-2]) & (inner <= values[2:]) & (inner - np.fmax(change[:-1], change[1:]) <= best)
-    at, least = lowest(lambda w: function(axis.at(w)), samples.w, 1 + np.flatnonzero(dips))
+    places, least = lowest(lambda w: function(axis.at(w)), samples.w, 1 + np.flatnonzero(dips))
     i = int(np.argmin(values))
     low, where = min(
-        [(float(values[i]), float(samples.w[i])), *zip(least.tolist(), at.tolist(), strict=True)]
+        [(float(values[i]), float(samples.w[i])), *zip(least.tolist(), places.tolist(), strict=True)]
     )
     for value, end in ((at_zero, 0.0), (at_infinity, math.inf)):
         if _below(value) <= low:

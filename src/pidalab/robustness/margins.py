@@ -298,7 +298,7 @@ def margins(loop: Loop) -> Margins:
     at_crossovers = axis.L(wgc)
     lag = np.mod(np.angle(at_crossovers) + np.pi, 2 * np.pi)  # angle that an extra dead time must add
     rotation = np.minimum(lag, 2 * np.pi - lag)
-    wpc, at, size = _phase_crossovers(axis, bool(count))
+    wpc, places, size = _phase_crossovers(axis, bool(count))
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
     (ms, wms), (mt, wmt), (difference, _) = map(axis.peak, (SENSITIVITY, COMPLEMENTARY, DIFFERENCE))
     continuous, unknown = math.isinf(axis.end), bool(np.isnan(size).any())
@@ -314,11 +314,11 @@ def margins(loop: Loop) -> Margins:
         ms=ms,
         mt=mt,
         wgc=float(wgc[np.argmin(rotation)]) if wgc.size else math.nan,
-        wpc=float(at[np.argmax(small)]) if small.any() else math.nan,
+        wpc=float(places[np.argmax(small)]) if small.any() else math.nan,
         wms=wms,
         wmt=wmt,
         gain_crossovers=wgc,
-        phase_crossovers=wpc if continuous or axis.at_end >= 0 else at[1:],
+        phase_crossovers=wpc if continuous or axis.at_end >= 0 else places[1:],
     )
 
 
@@ -337,8 +337,8 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
             raise
         return np.zeros(0), np.zeros(1), np.full(1, math.nan)
     # L is real at the ends of the axis. Where it is negative, they are phase crossovers, too.
-    at = np.concatenate([[0.0], wpc, [axis.end]])
-    return wpc, at, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])
+    places = np.concatenate([[0.0], wpc, [axis.end]])
+    return wpc, places, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])
 
 
 # --- the gain for a maximum sensitivity -----------------------------------------------------------------------------
@@ -398,15 +398,15 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         largest = next((k for c in candidates if stable(k := c * (1 - MS_RTOL))), None)
         if largest is None:
             break
-        peak, at = axis.scaled(largest).peak(SENSITIVITY)
+        peak, where = axis.scaled(largest).peak(SENSITIVITY)
         if peak <= ms * (1 + MS_RTOL):
             low, high = largest * (1 - 10 * MS_RTOL), largest * (1 + 10 * MS_RTOL)
             if not excess(low) < 0 <= excess(high):
                 return largest
             return float(brentq(excess, low, high, xtol=1e-15 * largest, rtol=1e-14))
-        if not 0 < at < math.inf:
+        if not 0 < where < math.inf:
             break
-        w = np.sort(np.append(w, at * AROUND_PEAK))
+        w = np.sort(np.append(w, where * AROUND_PEAK))
     raise ValueError(f"no gain of this controller gives a stable loop that reaches ms = {ms:g} from below")
 
 

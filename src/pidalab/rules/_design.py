@@ -120,7 +120,7 @@ class Design:
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
         """Return the digital controller for a sample time, with output filter and prefilter.
 
-        If the output filter describes a sensor (as in `pidalab.tune`), it is not part of the controller: use
+        If the output filter describes a sensor (as in `pidalab.tune`), it is not part of the controller. Then use
         ``design.controller.discretise``.
 
         Parameters

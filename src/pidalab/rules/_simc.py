@@ -14,7 +14,7 @@ from pidalab.process import Process, require_process
 from pidalab.roots import roots
 from pidalab.rules._design import Design
 
-# largest relative imaginary part of a real pole: rounding splits multiple poles
+# largest relative imaginary part of a real pole, since rounding splits multiple poles
 OSCILLATING = 0.05
 # largest ratio of the time constants of a zero and a shorter lag that are paired
 CLOSE_LAG = 1.6 * (1 - 1e-9)
@@ -120,7 +120,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     Notes
     -----
     The rule is from the abstract of Grimholt and Skogestad (2018). The paper itself was not available. The default of
-    τ_c is our choice: without filter, a lag with dead time then has Ms from 1.65 to 1.73, about as with `simc`.
+    τ_c is our choice. Without filter, a lag with dead time then has Ms from 1.65 to 1.73, about as with `simc`.
 
     Examples
     --------

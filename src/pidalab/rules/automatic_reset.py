@@ -260,7 +260,7 @@ def tune(
 
 
 def _prefilter(controller: SeriesPIDA, lead: float) -> control.TransferFunction:
-    """Return F_p, eq. (20): it takes the zeros of the controller away."""
+    """Return F_p, eq. (20), which cancels the zeros of the controller."""
     stabiliser = [controller.ka / controller.kp, controller.kd / controller.kp, 1.0]
     den = np.convolve(_check.polynomial("gains", stabiliser), [controller.ti, 1.0])
     import control

@@ -142,7 +142,7 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
 
 
 def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
-    r"""Design by Ziegler and Nichols' first rule, from the steepest tangent of a step response: fast, little damped.
+    r"""Design by Ziegler and Nichols' first rule, from the steepest tangent of a step response, fast and little damped.
 
     Parameters
     ----------

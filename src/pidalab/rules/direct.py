@@ -34,8 +34,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     ones check `pidalab.margins`. The rule with Table 1 is 84 % above the least on average, 330 % at most. With the
     best factors for each model, 64 % and 257 %.
 
-    This holds for processes that are the model. The three examples of the paper are not: there the ITAE is 38 % larger,
-    10 % larger and 26 % smaller than with Table 1, and 1.8 to 4.5 times the least for the process itself.
+    This holds if the process equals the model. In the three examples of the paper it does not, and the ITAE is 38 %
+    larger, 10 % larger and 26 % smaller than with Table 1, and 1.8 to 4.5 times the least for the process itself.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ that are linear in the gains, eqs. (13) and (14). The m + 2 gains meet m + 2 con
 
 eqs. (15) and (16), where areas with a negative index are 0 and those of the filter are included. So 2m + 4 areas are
 needed. The system is solved in exact fractions, because its condition number grows by more than a hundred with each m.
-It is singular if the controller could cancel every pole of process and filter: its gains are then without bound.
+It is singular if the controller could cancel every pole of process and filter, since its gains are then unbounded.
 
 The conditions hold at low frequencies, and do not make the loop stable. With a dominant delay, or an oscillating
 process, it is unstable at some orders. Given a process, the functions here raise an error then. Areas alone do not show
@@ -295,8 +295,8 @@ def tune_for_filter_noise(
 ) -> Design:
     r"""Design for a noise gain of the controller alone, computed from eqs. (21) and (35) in place of the estimate (32).
 
-    The noise is white and held for a sample. The equation leaves the loop out: at high frequencies the process passes
-    hardly anything, so the transfer function from the noise to the control signal is about
+    The noise is white and held for a sample. The equation neglects the loop. At high frequencies the gain of the
+    process is small, so the transfer function from the noise to the control signal is about
 
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 

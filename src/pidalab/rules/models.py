@@ -132,7 +132,7 @@ class StartingModels:
 
     @cached_property
     def _undelayed(self) -> Process:
-        """The process without its dead time, which only shifts the response: short lags get a fine grid."""
+        """The process without its dead time, which only shifts the response, so that short lags get a fine grid."""
         return Process(self.process.num, self.process.den)
 
     @staticmethod

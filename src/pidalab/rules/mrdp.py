@@ -114,8 +114,8 @@ def filter_ratio(m: int, n: int) -> float:
     r"""Compute the filter time constant per unit of equivalent dead time, T_f / T_e: eq. (11) and Table II.
 
     The filter and the dead time T_e are called equivalent if they put the dominant pole of the loop with a pure
-    integrator at the same place. For n = m the loop with the filter has no such pole: the condition leaves a constant,
-    and eq. (9) gives -1/T_f, the pole of the filter. The rule uses it all the same.
+    integrator at the same place. For n = m the loop with the filter has no such pole. The condition leaves a constant,
+    and eq. (9) gives -1/T_f, the pole of the filter, which the rule uses.
 
     Parameters
     ----------
@@ -308,8 +308,8 @@ def _prefilter(weights: Sequence[float], zeros: list[float]) -> control.Transfer
 def smallest_te(m: int, n: int) -> float:
     r"""Compute the shortest T_e, in dead times of the model, for which the tuned loop is stable with the model itself.
 
-    For m = 0 and m = 1 every T_e is long enough: without filter \|L\| falls to 0, or to 0.21, at high frequencies. For
-    m of 2 and more it rises without end, and it is the filter alone that brings it down. Far above the crossover
+    For m = 0 and m = 1 every T_e is long enough, since without filter \|L\| falls to 0, or to 0.21, at high
+    frequencies. For m of 2 and more it rises without bound, and only the filter reduces it. Far above the crossover
     \|L\| has a hump
 
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}

@@ -208,12 +208,12 @@ class Fit:
         if moves <= MOVED * np.ptp(np.append(level, 0.0)) or early.t.size < 20:
             return math.nan
         shape, late = self._found.shape, data.t > cut
-        found = searching.refined(early, shape, self._found.values[2:].tolist(), float(np.ptp(early.t)))
-        p = found.values[2:].tolist()
-        if not found.converged or np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
+        fitted = searching.refined(early, shape, self._found.values[2:].tolist(), float(np.ptp(early.t)))
+        p = fitted.values[2:].tolist()
+        if not fitted.converged or np.std(data.y[late]) < max(3 * self.noise, 0.1 * float(np.std(data.y))):
             return math.nan
-        whole = data._replace(load=found.data.load)
-        error = (data.y - whole.basis(shape, p) @ searching.projected(found.data, shape, p)[1])[late]
+        whole = data._replace(load=fitted.data.load)
+        error = (data.y - whole.basis(shape, p) @ searching.projected(fitted.data, shape, p)[1])[late]
         return 1.0 - float(np.sqrt(np.mean(error**2)) / np.std(data.y[late]))
 
     @property
@@ -229,17 +229,17 @@ class Fit:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Reservations about the model; `record` has its own."""
-        found = []
+        doubts = []
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
-            found.append(doubt("model error", error=self.model_error, noise=self.noise, share=share))
+            doubts.append(doubt("model error", error=self.model_error, noise=self.noise, share=share))
         if self._times > 2:
-            found.append(doubt("closed loop", times=self._times))
+            doubts.append(doubt("closed loop", times=self._times))
         if self._data.free:
-            found.append(doubt("initial state"))
+            doubts.append(doubt("initial state"))
         if self.holdout < self.nrmse - 0.2:
-            found.append(doubt("hold-out", holdout=self.holdout))
-        return tuple(found)
+            doubts.append(doubt("hold-out", holdout=self.holdout))
+        return tuple(doubts)
 
     def plot(self, ax: Axes) -> None:
         """Draw recorded and simulated output and, below, the residuals in a band of twice the noise.
@@ -353,14 +353,14 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     tried, failed = tried_models(data, FIRST_TRIED if model == "auto" else (model,))
     if model == "auto" and not load and not _explained(record, data, tried):
         more, failed = tried_models(data, THEN)
-        tried += [found for found in more if not unsettled(data, found)]
+        tried += [candidate for candidate in more if not unsettled(data, candidate)]
     if not tried:
         raise ValueError(f"{failed}; step the input further, from rest")
-    first = min(tried, key=lambda found: found.cost)
+    first = min(tried, key=lambda candidate: candidate.cost)
     if load and unexplained(data, first):
         raise ValueError(DRIFTS)  # so many times and models would explain some noise as well
-    settled = [found for found in tried if not unsettled(data, found)]
-    settled.sort(key=lambda found: found.cost)
+    settled = [candidate for candidate in tried if not unsettled(data, candidate)]
+    settled.sort(key=lambda candidate: candidate.cost)
     if not settled or settled[0].deviation > UNSETTLED * first.near:
         raise ValueError(unsettled(data, first))
     if model != "auto":
@@ -381,60 +381,60 @@ def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> boo
     """Return True if the best model is identifiable and leaves no more than noise."""
     if not tried:
         return False
-    best = min(tried, key=lambda found: found.cost)
+    best = min(tried, key=lambda candidate: candidate.cost)
     return not unsettled(data, best) and best.deviation <= SURPLUS * noise_of(record, data, best)
 
 
 def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[FitResult, str]:
     """Return the simplest identifiable candidate close to the best, which is the first, and why it was chosen."""
-    near = [found for found in settled if found.deviation <= settled[0].near]
-    chosen = min(near, key=lambda found: (found.values.size, found.cost))
+    near = [candidate for candidate in settled if candidate.deviation <= settled[0].near]
+    chosen = min(near, key=lambda candidate: (candidate.values.size, candidate.cost))
     least: dict[str, float] = {}
-    for found in sorted(tried, key=lambda found: found.deviation):
-        least.setdefault(found.shape.name, found.deviation)
+    for candidate in sorted(tried, key=lambda candidate: candidate.deviation):
+        least.setdefault(candidate.shape.name, candidate.deviation)
     residuals = ", ".join(f"{name} {value:.3g}" for name, value in least.items())
-    lost = sorted({*least} - {found.shape.name for found in settled})
+    lost = sorted({*least} - {candidate.shape.name for candidate in settled})
     return chosen, (
         f"{chosen.shape.name} is the simplest within {100 * BETTER:.0f} % of the least residual ({residuals})"
         + (f"; not identifiable from this record: {', '.join(lost)}." if lost else ".")
     )
 
 
-def _result(record: Record, data: FitData, found: FitResult, reason: str) -> Fit:
-    names = ["gain", *found.shape.parameters, "delay"]
-    times = uncertainty.closed_loop_factor(record, found)
+def _result(record: Record, data: FitData, result: FitResult, reason: str) -> Fit:
+    names = ["gain", *result.shape.parameters, "delay"]
+    times = uncertainty.closed_loop_factor(record, result)
     # further parameters belong to the initial state and the load
-    keep = np.delete(np.arange(len(found.shape.parameters) + 3), LEVEL)
-    covariance = times**2 * uncertainty.covariance(found)[np.ix_(keep, keep)]
-    parameters = dict(zip(names, found.values[keep].tolist(), strict=True))
+    keep = np.delete(np.arange(len(result.shape.parameters) + 3), LEVEL)
+    covariance = times**2 * uncertainty.covariance(result)[np.ix_(keep, keep)]
+    parameters = dict(zip(names, result.values[keep].tolist(), strict=True))
     sigma = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    process = found.shape.process(parameters["gain"], found.values[2:-1].tolist(), parameters["delay"])
-    noise = noise_of(record, data, found)
-    if refusal := unexplained(data, found) or uncertainty.runs_away(record, data, found):
+    process = result.shape.process(parameters["gain"], result.values[2:-1].tolist(), parameters["delay"])
+    noise = noise_of(record, data, result)
+    if refusal := unexplained(data, result) or uncertainty.runs_away(record, data, result):
         raise ValueError(refusal)
-    if found.deviation**2 - noise**2 > (MOST_UNEXPLAINED * float(np.std(data.y))) ** 2:
+    if result.deviation**2 - noise**2 > (MOST_UNEXPLAINED * float(np.std(data.y))) ** 2:
         raise ValueError(
-            f"{found.shape.name} does not describe this plant: its residuals are {found.deviation:.3g}, where the "
+            f"{result.shape.name} does not describe this plant: its residuals are {result.deviation:.3g}, where the "
             f"output moves by {np.std(data.y):.3g} (standard deviations) and the noise is {noise:.3g}; {ALONE}"
         )
     fitted = Fit(
         process=process,
-        model=found.shape.name,
+        model=result.shape.name,
         parameters=MappingProxyType(parameters),
         uncertainty=MappingProxyType(sigma),
-        residuals=found.residuals,
-        deviation=found.deviation,
+        residuals=result.residuals,
+        deviation=result.deviation,
         noise=noise,
         reason=reason,
         record=record,
         _covariance=covariance,
-        _data=found.data,
-        _found=found,
+        _data=result.data,
+        _found=result,
         _times=times,
     )
     if fitted.holdout <= 0:
         raise NoPredictionError(
-            f"{found.shape.name} does not describe this plant: it predicts the hold-out data, the end of the record, "
+            f"{result.shape.name} does not describe this plant: it predicts the hold-out data, the end of the record, "
             f"no better than their mean does (NRMSE {fitted.holdout:.2f}); {ALONE}"
         )
     return fitted

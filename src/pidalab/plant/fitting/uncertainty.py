@@ -132,8 +132,8 @@ def closed_loop_factor(record: Record, found: FitResult) -> float:
 def runs_away(record: Record, data: FitData, found: FitResult) -> str:
     """Return why a model contradicts the feedback that the record shows; empty if it does not.
 
-    In closed loop the controller answers to disturbances: u and the residuals change at the same samples, with opposite
-    signs if the gain of the plant is positive. In open loop their signs agree by chance only.
+    In closed loop the controller reacts to disturbances. Then u and the residuals change at the same samples, with
+    opposite signs if the gain of the plant is positive. In open loop their signs agree by chance only.
     """
     left = _residuals(record, data, found)
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(left)))

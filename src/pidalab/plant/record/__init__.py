@@ -229,7 +229,9 @@ class Record:
         names = [name or place for name, place in zip(found.names, found.places, strict=True)]
         said = ", ".join(f"{role} = {name!r}" for role, name in zip(wanted, names, strict=True))
         if len(set(found.places)) < len(wanted):
-            raise ValueError(f"time, u and y must be different columns, found {said}")
+            raise ValueError(
+                f"{path.name}: time, u and y must be different columns, found {said}: name each of them"
+            )
         doubts, rows, times, part = [*found.doubts], found.rows, found.values[0], slice(None)
         if period is not None:
             times = period * (rows - rows[0])

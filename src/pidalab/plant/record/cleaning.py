@@ -171,7 +171,7 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        # rounding can hide the turn of a slow oscillation: it then moves by single steps, every few samples
+        # Rounding can hide the turn of a slow oscillation, which then moves by single steps every few samples.
         crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
         enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
         if way > enough and last > SLOWED * way and not crept:
