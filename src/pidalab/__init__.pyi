@@ -24,11 +24,9 @@ from .plant import (
     Check as Check,
     Record as Record,
     Report as Report,
-    TradeOff as TradeOff,
     check as check,
     heater as heater,
     report as report,
-    trade_off as trade_off,
     tune as tune,
 )
 from .process import (

@@ -397,8 +397,7 @@ def test_tune_prints_what_the_library_says(log, reported):
     assert ("--u-max not given" in printed, "--u-min" in printed) == (True, False)
 
 
-def test_report_prints_what_the_library_says(log, reported, tmp_path, monkeypatch):
-    monkeypatch.setattr("pidalab.trade_off", lambda *_: pytest.fail("not requested"))
+def test_report_prints_what_the_library_says(log, reported, tmp_path):
     out = tmp_path / "new" / "page.html"
     printed = succeed("report", log, *READ, *RULE, "--model", "fopdt", "--ms", 1.5, "--out", out)
     for name, x in REPORT_COLUMNS.items():

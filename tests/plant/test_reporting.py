@@ -10,7 +10,6 @@ from pidalab import Record, lags
 from pidalab._text import KINDS
 from pidalab.comparison.judging import DesignRow
 from pidalab.plant.fitting import fit
-from pidalab.plant.noise_curves import TradeOff, TradeOffPoint
 from pidalab.plant.reporting import REPORT_COLUMNS, Report
 from pidalab.style import LOOKS, STYLE
 
@@ -188,25 +187,6 @@ def test_figure_names_several_kinds(found):
     assert report_of(found.rows[0]).plot().legends == []
     with pytest.raises(ValueError, match="nothing to draw"):
         report_of(DesignRow("simc", "PI", reason="no")).plot()
-
-
-POINTS = tuple(
-    TradeOffPoint(kind, ms, noise, base / noise / ms, None)
-    for ms in (1.4, 2.0)
-    for kind, base in (("PI", 9.0), ("PID", 5.0))
-    for noise in (1.0, 2.0, 4.0)
-)
-
-
-def test_trade_off_has_a_panel_for_each_ms_and_a_curve_for_each_kind():
-    figure = TradeOff(THIRD, POINTS).plot()
-    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["PI", "PID"]
-    for ax, ms in zip(figure.axes, (1.4, 2.0), strict=True):
-        assert ax.get_title(loc="left") == f"Ms at most {ms:g}"
-        for line, kind in zip(ax.get_lines(), ("PI", "PID"), strict=True):
-            assert kind_of(line) == line.get_label() == kind
-            expected = [point[2:4] for point in POINTS if point[:2] == (kind, ms)]
-            np.testing.assert_allclose(np.transpose(line.get_data()), expected)
 
 
 def test_verdict_and_table_have_the_numbers_of_the_rows(found):

@@ -2,7 +2,6 @@
 from . import heater as heater
 from .checking import Check as Check, check as check
 from .fitting import Fit as Fit, fit as fit
-from .noise_curves import TradeOff as TradeOff, trade_off as trade_off
 from .record import Record as Record
 from .reporting import Report as Report, report as report
 from .tuning import tune as tune

@@ -32,11 +32,6 @@ CAPTION = (
     "from measurement noise to the control signal, and Nyquist curves with the circle of the requested Ms. Faint "
     "curves belong to plants within the spread."
 )
-TRADED = (
-    "More noise in u allows a smaller error: least IAE of a unit step of the load over the limit of the relative noise "
-    "gain, for PI, PID and PIDA at each limit of Ms. Markers are rules, in the colour of their kind, in the panel of "
-    "the least limit that they keep."
-)
 
 
 def page(
@@ -45,14 +40,13 @@ def page(
     drawn: Figure,
     sections: Sequence[tuple[str, str]],
     folded: Sequence[tuple[str, str]],
-    traded: Figure | None,
 ) -> str:
-    """Return a page with sections of text, one or two figures, a table of HTML and folded sections."""
+    """Return a page with sections of text, a figure, a table of HTML and folded sections."""
     loader = jinja2.PackageLoader("pidalab.plant.code")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template("report.j2")
-    figures = [(Markup(svg(x)), said) for x, said in ((drawn, CAPTION), (traded, TRADED)) if x is not None]
+    figure, table = Markup(svg(drawn)), Markup(table)
     return template.render(
-        title=title, sections=sections, table=Markup(table), figures=figures, folded=folded
+        title=title, sections=sections, table=table, drawn=figure, caption=CAPTION, folded=folded
     )
 
 

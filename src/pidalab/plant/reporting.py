@@ -195,7 +195,7 @@ class Report:
         path = Path(path)
         return write_files(path.parent, {path.name: self.page(title)}, replace=True)[0]
 
-    def page(self, title: str, *sections: Sequence[tuple[str, str]], traded: Figure | None = None) -> str:
+    def page(self, title: str, *sections: Sequence[tuple[str, str]]) -> str:
         """Return the page that `html` writes.
 
         Parameters
@@ -205,8 +205,6 @@ class Report:
         *sections : sequence of (str, str), optional
             Headings and texts before the figure, and folded ones after it. By default safety, gains and doubts come
             first, model and record last.
-        traded : matplotlib.figure.Figure, optional
-            A second figure: the trade-off of the plant, from `pidalab.trade_off`.
 
         Returns
         -------
@@ -222,7 +220,7 @@ class Report:
         from pidalab.plant.page import page
 
         first, last = sections or self.sections()
-        return page(title, self._repr_html_(), self.plot(), first, last, traded)
+        return page(title, self._repr_html_(), self.plot(), first, last)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
         """Return headings and texts of the page before the figure, and folded ones after it.

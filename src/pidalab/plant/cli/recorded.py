@@ -60,10 +60,9 @@ code = dialogue.add_options(
 @dialogue.main.command("report")
 @record
 @design
-@click.option("--trade-off", is_flag=True, help="Also the least error for each noise gain, at two Ms.")
 @click.option("--out", type=dialogue.OUT_FILE, help="HTML file to write.")
 @dialogue.force
-def report_command(out: Path | None, force: bool, trade_off: bool, **options: Any) -> None:
+def report_command(out: Path | None, force: bool, **options: Any) -> None:
     """Tune a PI, a PID and a PIDA for the plant of a RECORD with the same limits, and compare them.
 
     \b
@@ -73,16 +72,11 @@ def report_command(out: Path | None, force: bool, trade_off: bool, **options: An
     fitted = fit_record(options)
     with dialogue.progress("searching for a PI, a PID and a PIDA"):
         candidates = pidalab.report(fitted, **{name: options[name] for name in TUNING})
-    sections, figure = [("Candidates", str(candidates))], None
-    if trade_off:
-        with dialogue.progress("searching for the trade-off"):
-            traded = pidalab.trade_off(candidates.process)
-        sections.append(("Trade-off", str(traded)))
-        figure = traded.plot()
-    dialogue.show([*sections, ("Model", str(fitted)), ("Record", str(fitted.record))])
+    record = str(fitted.record)
+    dialogue.show([("Candidates", str(candidates)), ("Model", str(fitted)), ("Record", record)])
     if out is not None:
         title = f"PI, PID and PIDA for {plain_text(options['record'].name)}"
-        dialogue.write(out.parent, {out.name: candidates.page(title, traded=figure)}, force)
+        dialogue.write(out.parent, {out.name: candidates.page(title)}, force)
 
 
 @dialogue.main.command("tune")
