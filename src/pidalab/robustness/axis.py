@@ -28,7 +28,7 @@ NEAR_POSITIVE_AXIS = 0.5
 ROUNDING = 1e-12  # a smaller relative imaginary part, logarithm of |L| or relative difference counts as 0
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its distance from 0 is less than this value
 DETOUR = 1.5  # assumed largest ratio of the path of L between two points to their distance
-NO_HIGHER = 1e-11  # relative amount by which a peak must exceed the best one to be refined
+NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds the best peak by more than this share
 TINIEST = 1e-300  # a smaller |L| counts as 0
 HUGE = 1e9  # where |L| is larger, a jump of the phase is due to a pole on the axis
 MOST_STEPS = 60  # largest number of steps of a refinement
@@ -40,9 +40,10 @@ SAME_CROSSING = 1e-8
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
 PIECE = 64.0  # number of points in a piece of a long step, which is skipped or followed as a whole
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
-QUICK = 12.0  # where w times dead time is larger, in rad, the dead time turns the phase noticeably within a grid step
+# Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
+QUICK = 12.0
 MOST_PROBED = 20  # largest number of gain crossovers around which a peak is sought first
-TO_AN_END = 1e-7  # relative amount by which a peak must exceed the limit at an end of the axis
+TO_AN_END = 1e-7  # a peak counts only if it exceeds the limits at both ends of the axis by about this share
 # The characteristic function counts as 0 on the contour if it is below this share of its terms.
 ON_CONTOUR = 1e-9
 SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: |S|, |T|, half of |S - T|
@@ -63,7 +64,10 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a grid from four decades below the slowest root to four above the fastest, denser near light damping."""
+    """Return a grid from four decades below the slowest root to four decades above the fastest, but not beyond `end`.
+
+    The inverse of the dead time counts as a root. The grid is denser near lightly damped roots.
+    """
     speeds = [speed for speed in np.abs(roots).tolist() if speed > 0] + ([1 / delay] if delay else [])
     low, high = min(speeds, default=1.0), max(speeds, default=1.0)
     low, high = 1e-4 * min(low, end), min(1e4 * high, end)

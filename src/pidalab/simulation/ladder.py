@@ -14,8 +14,8 @@ its reach less 1. No stack goes back beyond t = 0, because all earlier states ar
 
 *Error bound.* When one power is applied r times, the length of the stack is not computed from r times its reach. The
 binary digits of r select higher powers with the same product, and the length is computed from the reaches of the higher
-powers. Their sum is smaller, because each power drops its last coefficients when it is formed, namely all that are
-below `DROPPED` times its largest coefficient. A stack of this length lacks only the contribution of the dropped
+powers. The sum of these reaches is smaller, because each power drops its last coefficients when it is formed, namely
+those below `DROPPED` times its largest coefficient. A stack of this length lacks only the contribution of the dropped
 coefficients to its oldest states. Outputs ignore the ages that they read by less than the same share. The total error
 is at most the product of `DROPPED`, the number of powers, the largest coefficient of a power, the gain of the other
 powers and the largest old state, in the balanced units of the states. This bound is far below rounding unless
@@ -47,7 +47,7 @@ from pidalab.simulation.stacks import (
 )
 
 MAX_STACK = 4000  # largest number of elements in a stack; a longer stack takes too long
-MAX_WORK = 4e9  # largest number of multiplications; this number takes seconds
+MAX_WORK = 4e9  # largest number of multiplications, which take a few seconds
 MAX_ANCHORS = 1e7  # largest number of stored state variables, over all multiples of the dead time
 LONGEST_RUN = 8  # at most 2**8 requested times are usually read from one stack
 # Number of the lowest powers that one Taylor series replaces when a stack is advanced. The series takes less time than

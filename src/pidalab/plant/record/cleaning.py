@@ -17,17 +17,18 @@ from pidalab.plant.doubts import doubt
 FEWEST = 20  # least number of samples from which conclusions are drawn
 # Longest interval between two samples in which a counter restarts, in median intervals.
 LONGEST_WRAP = 10
-# If the time goes back by more than this number of median intervals, a new run begins; otherwise samples are unordered.
+# If the time goes back by more than this number of median intervals, a new run may begin. Smaller steps back only mean
+# that samples are not in order.
 OVERLAP = 3
 # Values at which counters restart.
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 # An output may stand still for this number of samples, or for this share of all samples if that is more.
 STILL, STILL_SHARE = 15, 0.05
-# Numbers of intervals over which its movement is measured before an output stands still.
+# The movement of an output before it stands still is measured over the last 10 samples, and over the last 3.
 BEFORE, JUST_BEFORE = 10, 3
-# An output comes to rest by itself if it moves by at most this share of the longer movement in the last intervals.
+# If the movement over the last 3 samples is at most this share of that over 10, the plant came to rest by itself.
 SLOWED = 0.1
-# Least movement before an output stands still, in steps of its rounding and as a share of its span.
+# Least movement over the last 10 samples, in steps of the rounding of the output and as a share of its span.
 MANY_STEPS, LITTLE = 2.5, 0.005
 # Least differences of an input from a straight line over time, and from a linear function of the output, as shares of
 # the input's span.
