@@ -255,7 +255,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     ]
     more = " or with new gains" * k.tunable
     body: list[Statement] = [
-        Note(f"keep the signal at the first sample, and in manual mode{more}"),
+        Note(f"the signal is given in manual mode, and kept at the first sample{more}"),
         Note(f"follow is true after a sample that was skipped in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
