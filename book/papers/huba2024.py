@@ -51,11 +51,12 @@ def sampled(loop, step, bounds=None, end=60.0, h=T_S, **options):
 
 def runs(names=DESIGNS, bounds=None):
     """Return the responses of the paper's controllers by name and step; PI takes 300 time units."""
-    found = {}
-    for name, step in product(names, STEPS):
-        end = 300.0 if name == "PI" else 60.0
-        found[name, step] = sampled(DESIGNS[name].loop(), step, bounds, end)
-    return found
+    return {
+        (name, step): sampled(
+            DESIGNS[name].loop(), step, bounds, 300.0 if name == "PI" else 60.0
+        )
+        for name, step in product(names, STEPS)
+    }
 
 
 def excess(response, step):

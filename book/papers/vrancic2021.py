@@ -144,8 +144,7 @@ def draw(
         bottom.set(xlabel="time, s", ylim=u_range)
     axes[0, 0].set_ylabel("output y")
     axes[1, 0].set_ylabel("control u")
-    short = max(map(len, loops)) < 8
-    plots.legend(figure, ncols=4 if short else 2)
+    plots.legend(figure, ncols=4 if max(map(len, loops)) < 8 else 2)
     return figure
 
 

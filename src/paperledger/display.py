@@ -13,9 +13,7 @@ from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
 GROUPS = {  # Rows whose value comes from the paper's problem are counted by verdict, all others by basis.
-    "computed from the paper's problem": {
-        word: word for word in (*VERDICTS, "open") if word != "not-computable"
-    },
+    "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to these prints": {
         "fitted-agrees": "agree, settings fitted",
         "fitted-disagrees": "disagree, settings fitted",
