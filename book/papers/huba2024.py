@@ -51,10 +51,9 @@ def sampled(loop, step, bounds=None, end=60.0, h=T_S, **options):
 
 def runs(names=DESIGNS, bounds=None):
     """Return the responses of the paper's controllers by name and step; PI takes 300 time units."""
+    ends = {"PI": 300.0}
     return {
-        (name, step): sampled(
-            DESIGNS[name].loop(), step, bounds, 300.0 if name == "PI" else 60.0
-        )
+        (name, step): sampled(DESIGNS[name].loop(), step, bounds, ends.get(name, 60.0))
         for name, step in product(names, STEPS)
     }
 
