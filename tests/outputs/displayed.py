@@ -516,7 +516,7 @@ SHOWN = [
     ),
     (HEO, rf"The peak after the load is {N} % lower", lambda: lower_peaks()[:1]),
     *(
-        (page, rf"peak is {N} to {N} % lower", lambda: [min(lower_peaks()), max(lower_peaks())])
+        (page, rf"peak (?:after a load step )?is {N} to {N} % lower", lambda: [min(lower_peaks()), max(lower_peaks())])
         for page in (HEO, f"audit/{HEO}")
     ),
     ("others.ipynb", rf"{N} records, {N} of them .*?\nof these {N} gave a controller: {N}%", foreign),
