@@ -273,6 +273,8 @@
       inner[i] = along(loop, between);
       for (let k = 0; k < between.length; k++) heighten(closeness(inner[i].re[k], inner[i].im[k]), inner[i].control[k]);
     };
+    look(loop, 1e-9 * grid[0]); // the limit at rest, which no point of the grid reaches
+    heighten(closeness(seen[0], seen[1]), Math.hypot(seen[2], seen[3]));
     for (let i = 0; i < grid.length; i++) heighten(closeness(re[i], im[i]), control[i]);
     for (let i = 0; i + 1 < grid.length; i++) if (Math.max(size[i], size[i + 1]) >= 0.5) resolve(i);
     const level = found.map((x) => x * (1 + ENOUGH));
