@@ -21,6 +21,8 @@ from scipy.optimize import brentq, least_squares
 from scipy.signal import cont2discrete, tf2ss
 from second import response
 
+import pidalab
+
 ROOT = Path(__file__).parents[2]
 BOOK = ROOT / "book"
 GRID = np.geomspace(1e-3, 300, 200_001)
@@ -409,6 +411,32 @@ def fitted_step() -> list[float]:
     return [gain, sqrt(a * b), (a + b) / 2 / sqrt(a * b), delay]
 
 
+@cache
+def designed() -> dict[str, list[float]]:
+    """Return Ms and IAE with the model, and Ms with the true plant, of the three controllers of *Design*.
+
+    The library fits and designs; its parameters are put into transfer functions here.
+    """
+    record = pidalab.Record.read_csv(
+        BOOK / "data" / "plant_record.csv", time="time", u="valve", y="temperature"
+    )
+    model = pidalab.identification.fit(record)
+
+    def true(s):
+        return 2.3 * np.exp(-8 * s) / ((20 * s + 1) * (6 * s + 1) * (3 * s + 1))
+
+    def fitted(s):
+        num, den = np.polyval(model.process.num, s), np.polyval(model.process.den, s)
+        return num / den * np.exp(-model.process.delay * s)
+
+    rows: list[list[float]] = []
+    for row in pidalab.report(model, ms=1.6, sample_time=0.2).rows:
+        ((_, gains, time, order),) = row.design.controller.parts()
+        control = controller(*gains, tf=time, n=order)
+        rows.append([ms(control, fitted), iae(control, fitted, 600.0), ms(control, true)])
+    return dict(zip(("Ms", "IAE load", "true"), map(list, zip(*rows, strict=True)), strict=True))
+
+
 def hump(n: int) -> float:
     """Return the top of x/(1 + x²)^(n/2)."""
     return sqrt((n - 1) ** (n - 1) / n**n)
@@ -516,7 +544,11 @@ SHOWN = [
     ),
     (HEO, rf"The peak after the load is {N} % lower", lambda: lower_peaks()[:1]),
     *(
-        (page, rf"peak (?:after a load step )?is {N} to {N} % lower", lambda: [min(lower_peaks()), max(lower_peaks())])
+        (
+            page,
+            rf"peak (?:after a load step )?is {N} to {N} % lower",
+            lambda: [min(lower_peaks()), max(lower_peaks())],
+        )
         for page in (HEO, f"audit/{HEO}")
     ),
     ("others.ipynb", rf"{N} records, {N} of them .*?\nof these {N} gave a controller: {N}%", foreign),
@@ -526,6 +558,15 @@ SHOWN = [
         strangers,
     ),
     ("design.ipynb", rf"sopdt: gain = {N} .*?tau = {N} .*?damping = {N} .*?delay = {N} ", fitted_step),
+    *(
+        ("design.ipynb", rf"\n{name} \| {N} \| {N} \| {N} \|", lambda name=name: designed()[name])
+        for name in ("Ms", "IAE load")
+    ),
+    (
+        "design.ipynb",
+        rf"PI: Ms with the plant {N}.*\nPID: .* {N},.*\nPIDA: .* {N},",
+        lambda: designed()["true"],
+    ),
     (NOISE_PAGE, rf"ultimate gain {N} %/K, noise every {N} s", tank),
     *((NOISE_PAGE, rf"\n{name} \|.*\| {N}\n", partial(years, name)) for name in BOUGHT),
     *(
