@@ -230,7 +230,8 @@ class Record:
         said = ", ".join(f"{role} = {name!r}" for role, name in zip(wanted, names, strict=True))
         if len(set(found.places)) < len(wanted):
             raise ValueError(
-                f"{path.name}: time, u and y must be different columns, found {said}: name each of them"
+                f"{path.name}: time, u and y must be different columns, found {said}: name each "
+                "(--time, --u, --y); without the plant's input a record shows no plant"
             )
         doubts, rows, times, part = [*found.doubts], found.rows, found.values[0], slice(None)
         if period is not None:
