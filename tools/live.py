@@ -81,7 +81,7 @@ def files() -> Iterator[tuple[str, bytes]]:
     folders |= {name: ROOT / "src" / name for name in ("pidalab", "paperledger")}
     for name, folder in folders.items():
         for path in sorted(folder.rglob("*")):
-            if path.suffix in (".py", ".pyi", ".csv", ".j2") and not {"tests", "__pycache__"} & set(
+            if path.suffix in (".py", ".pyi", ".csv", ".j2", ".txt") and not {"tests", "__pycache__"} & set(
                 path.parts
             ):
                 yield f"site/{name}/{path.relative_to(folder).as_posix()}", path.read_bytes()
