@@ -38,7 +38,7 @@ def committed() -> str:
 
 def missing(wheel: Path, archive: Path) -> list[str]:
     """List the modules of the library that are missing in one of the two files, and other files in the wheel."""
-    kinds = {".py", ".pyi", ".typed", ".j2", ".csv"}
+    kinds = {".py", ".pyi", ".typed", ".j2", ".csv", ".txt"}
     paths = [path for package in PACKAGES for path in package.rglob("*") if path.suffix in kinds]
     own = {path.relative_to(ROOT / "src").as_posix() for path in paths}
     with zipfile.ZipFile(wheel) as packed:
