@@ -14,18 +14,18 @@ from paperledger.verdicts import VERDICTS, Evidence, Relation
 
 GROUPS = {  # Rows whose value comes from the paper's problem are counted by verdict, all others by basis.
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
-    "with settings fitted to these prints": {
+    "with settings fitted to printed values": {
         "fitted-agrees": "agree, settings fitted",
         "fitted-disagrees": "disagree, settings fitted",
     },
     "from other printed results": {
-        "print-agrees": "agree with other print",
-        "print-disagrees": "disagree with other print",
+        "print-agrees": "agree with another printed value",
+        "print-disagrees": "disagree with another printed value",
     },
     "by reading": {"reading": "settled by reading", "not-computable": "not computable"},
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
-BASIS = {"computed": "", "fitted": "settings fitted", "from-print": "from print", "reading": "by reading"}
+BASIS = {"computed": "", "fitted": "settings fitted", "from-print": "from printed values", "reading": "by reading"}
 # A letter, capitals or a bracket with an index, an exponent, or both: K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
@@ -214,7 +214,7 @@ def score_line(name: str, counts: Mapping[str, int]) -> str:
     """Return a score as one line.
 
     >>> score_line("demo", {"reproduced": 3, "print-agrees": 1, "differs": 0})
-    'demo: 4 claims, 3 reproduced, 1 agree with other print'
+    'demo: 4 claims, 3 reproduced, 1 agree with another printed value'
     """
     total = sum(counts.values())
     parts = [f"{count} {KINDS.get(kind, kind)}" for kind, count in counts.items() if count]
