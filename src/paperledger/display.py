@@ -25,7 +25,12 @@ GROUPS = {  # Rows whose value comes from the paper's problem are counted by ver
     "by reading": {"reading": "settled by reading", "not-computable": "not computable"},
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
-BASIS = {"computed": "", "fitted": "settings fitted", "from-print": "from printed values", "reading": "by reading"}
+BASIS = {
+    "computed": "",
+    "fitted": "settings fitted",
+    "from-print": "from printed values",
+    "reading": "by reading",
+}
 # A letter, capitals or a bracket with an index, an exponent, or both: K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
