@@ -66,14 +66,14 @@ class FilterChain(NamedTuple):
 
     Attributes
     ----------
+    name : str
         Name of the chain in the comments of written code.
-        Name in the comments of written code.
+    weight : float
         Weight of the set point in the input of the chain.
-        Weight of the set point.
+    new, old : tuple of float
         g_0 and g_1 of each lag.
-        g_0 and g_1 of each lag.
+    gains : tuple of float
         Gain on the last state, then gains on the differences of order 1 to n that end at the last state, for n lags.
-        Gains on the last state and on the differences of order 1 to n that end at the last state, for n lags.
     """
 
     name: str
