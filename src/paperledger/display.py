@@ -25,12 +25,7 @@ GROUPS = {  # Rows whose value comes from the paper's problem are counted by ver
     "by reading": {"reading": "settled by reading", "not-computable": "not computable"},
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
-BASIS = {
-    "computed": "",
-    "fitted": "settings fitted",
-    "from-print": "from printed values",
-    "reading": "by reading",
-}
+BASIS = {"fitted": "settings fitted", "from-print": "from printed values", "reading": "by reading"}
 # A letter, capitals or a bracket with an index, an exponent, or both: K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
@@ -144,7 +139,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 def verdict(row: Row) -> Cell:
     """Make a cell of a verdict, with its basis if that is not the paper's problem."""
-    word, basis = row.verdict or "open", BASIS.get(row.basis, row.basis)
+    word, basis = row.verdict or "open", BASIS.get(row.basis, "")
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:
         return Cell(word, html, "verdict text")
@@ -242,8 +237,8 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
 
 
 # Words that replace a verdict where it would mislead, and the plural of first words.
-OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "does not hold as read"}
-PLURALS = {"misprint": "misprints", "does": "do", "differs": "differ", "holds": "hold", "fails": "fail"}
+OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
+PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 
 
 def _words(verdict: str, count: int) -> str:
