@@ -8,8 +8,8 @@ filter time. With :math:`C = c/q`, where q is the filter, closed forms exist at 
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the axis, with exact
 dead time. A second transform computes the whole gradient. The IAE is the exact integral of the error plus twice the
-area on the other side of zero, with straight lines between samples. Its slope is continuous, so Newton's method can converge to
-the minimum.
+area on the other side of zero, with straight lines between samples. Its slope is continuous, so Newton's method can
+converge to the minimum.
 
 The limits at all frequencies are those of \|S\|, \|C S\|, \|T\| and half of \|S - T\|. Each height is the modulus of
 t/(1 + L), where t is 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by their sum. The logarithm

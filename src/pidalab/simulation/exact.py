@@ -355,8 +355,8 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve
 
-    # The rounding errors of an FFT convolution are relative to its largest value. So a growing response is damped before
-    # the convolution and restored afterwards. Its errors are then relative to the largest value so far.
+    # The rounding errors of an FFT convolution are relative to its largest value. So a growing response is damped
+    # before the convolution and restored afterwards. Its errors are then relative to the largest value so far.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
     middle = (t.size - 1) // 2
     rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
