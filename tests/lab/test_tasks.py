@@ -259,7 +259,7 @@ def test_an_unexplained_number_gets_the_first_step(page, task):
 
 
 def test_a_filter_may_be_too_long(page):
-    assert "With a smaller one the loop is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
+    assert "a smaller one the loop is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
     assert "too small" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
 
 

@@ -418,7 +418,7 @@ def test_a_change_of_plant_retunes_or_explains_why_not(lab):
     page = lab()
     choose(page, "plant", "huba-ipdt")
     # a rule that does not apply is replaced, and nothing is shown until the search ends
-    announced(page, "needs a plant that does not integrate; the lab uses least IAE instead of “cancel the lags")
+    announced(page, "does not integrate; the lab uses least IAE instead of “cancel the lags")
     page.wait_for_function("() => !document.querySelector('.pidalab-lab').lab.state.designs[0].pending")
     choose(page, "rule", "cancellation")
     page.wait_for_function(
