@@ -98,15 +98,15 @@
   /* For each fact: its name, and what to say if it is too large or too small. */
   const WORDS = {
     ms: ["Ms", "too bold", "more robust than asked"],
-    noise: ["relative noise gain", "too loud: a longer filter", "quieter than asked: a shorter filter"],
-    iae: ["IAE", "too slow", "less than can be"],
-    iaeSetpoint: ["IAE", "too slow", "less than can be"],
-    overshoot: ["overshoot", "the integral forgets too late", ""],
-    dm: ["delay margin", "it bears more dead time than asked", "it bears too little dead time"],
-    loss: ["IAE over the least at Ms 1.4", "too slow", ""],
-    saving: ["saving by acceleration", "acceleration still saves too much", "it saves less than that"],
+    noise: ["relative noise gain", "too much noise: use a longer filter", "quieter than asked: use a shorter filter"],
+    iae: ["IAE", "too slow", "less than is possible"],
+    iaeSetpoint: ["IAE", "too slow", "less than is possible"],
+    overshoot: ["overshoot", "the integral decreases too late", ""],
+    dm: ["delay margin", "the loop tolerates more dead time than asked", "the loop tolerates too little dead time"],
+    loss: ["IAE divided by the least IAE at Ms 1.4", "too slow", ""],
+    saving: ["saving by acceleration", "acceleration still saves too much", "it saves less than required"],
   };
-  const NO_SAVING = "A negative saving is possible: a PIDA needs a filter of third order, a PID one of second order, and here the longer filter costs more than acceleration saves.";
+  const NO_SAVING = "A negative saving is possible. A PIDA needs a filter of third order, a PID a filter of second order. Here the longer filter costs more than acceleration saves.";
   const plantWords = (name) => (name.includes(".") ? `on ${name.split(".")[0]}, ` : "");
   const factWords = (name) => (WORDS[name.split(".").pop()] ?? [name, "too large", "too small"]);
   const shown = (name, x) => (name.endsWith("saving") ? `${Number((100 * x).toFixed(1)) || 0} %` : name.endsWith("overshoot") ? `${digits(x, 2)} %` : digits(x));
@@ -122,7 +122,7 @@
     const judged = (limits, side, keeps) => Object.entries(limits ?? {}).filter(([name, limit]) => !keeps(facts.of(name), limit)).map(([name, limit]) => {
       const own = side === 1 && task.words?.[name], margin = name.endsWith("ms") && side === 1 && facts.of(name.replace(/ms$/, "pm"));
       const why = factWords(name)[side];
-      return upper(`${tells(facts, name)}, where ${shown(name, limit)} is the ${side === 1 ? "most" : "least"}${why ? `: ${why}` : ""}${margin > 0 ? `; the phase margin is ${digits(margin, 2)}°` : ""}.${own ? ` ${own}` : ""}`);
+      return upper(`${tells(facts, name)}, but at ${side === 1 ? "most" : "least"} ${shown(name, limit)} is ${side === 1 ? "allowed" : "required"}${why ? `: ${why}` : ""}${margin > 0 ? `; the phase margin is ${digits(margin, 2)}°` : ""}.${own ? ` ${own}` : ""}`);
     });
     const slack = (limit) => Math.abs(limit) * (SLACK - 1);
     return [...judged(task.limits, 1, (x, limit) => x <= limit + slack(limit)), ...judged(task.least, 2, (x, limit) => x >= limit - slack(limit))];
@@ -148,7 +148,7 @@
     if (right) return { right, say: `Right: ${digits(task.error === undefined ? key : Number(key.toFixed(3)))}.` };
     const none = Math.abs(key) <= (task.error ?? 0); // the answer is 0
     const far = !none && (Math.abs(answer) > FAR * Math.abs(key) || Math.abs(answer) < Math.abs(key) / FAR) ? "Far too" : "Too";
-    const off = !none && answer * key <= 0 ? `It is ${key > 0 ? "above" : "below"} 0.` : `${far} ${answer < key ? "small" : "large"}.`;
+    const off = !none && answer * key <= 0 ? `The answer is ${key > 0 ? "above" : "below"} 0.` : `${far} ${answer < key ? "small" : "large"}.`;
     return { right, say: slipOf(task, given, facts) ?? `${off}${task.first ? ` ${task.first}` : ""}` };
   }
 
@@ -156,17 +156,17 @@
     const facts = factsOf(task, given), shaky = task.edge ? [] : facts.stable();
     if (task.near) {
       const off = Object.entries(task.near).filter(([name, x]) => !close(given[name], x, task.within)).map(([name, x]) => `${name} is too ${given[name] < x ? "small" : "large"}`);
-      if (off.length) return { right: false, say: [slipOf(task, given, facts) ?? `Not yet: ${off.join(", ")}.`, ...(shaky.length ? ["As entered the loop is unstable."] : [])].join(" ") };
+      if (off.length) return { right: false, say: [slipOf(task, given, facts) ?? `Not yet: ${off.join(", ")}.`, ...(shaky.length ? ["With these values the loop is unstable."] : [])].join(" ") };
       return { right: true, say: "Right." };
     }
     if (task.edge) {
       const at = (share) => { // a loop that cannot be followed counts as unstable
         try { return factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0; } catch { return false; }
       };
-      if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable by too much of it: with less it is stable." };
-      if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: more of it is needed." };
-      if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "Stable, and stable with less, too." };
-      if (!at(1)) return { right: false, say: "Within 3 per cent, but already unstable: stay on the stable side." };
+      if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: the value is too large. With a smaller one the loop is stable." };
+      if (!at(1.03)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: the value is too small." };
+      if (at(0.97)) return { right: false, say: slipOf(task, given, facts) ?? "The loop is stable, but it is also stable with less." };
+      if (!at(1)) return { right: false, say: "The value is within 3 per cent, but the loop is unstable: use a slightly larger value." };
       return { right: true, say: "Right: with 3 per cent less the loop is unstable." };
     }
     if (shaky.length && (task.loop || task.fields.includes("kp"))) {
@@ -221,8 +221,8 @@
       if (name !== "answer" && !(x >= SMALLEST && x <= LARGEST) && !(x === 0 && ZERO_TOO.has(name))) return `${label} must be above 0 and at most a million. Found ${x}.`;
       numbers[name] = x;
     }
-    if (task.kind === "choice" && !task.options[given.choice]) return "Choose one of them.";
-    if (task.kind === "order" && new Set(given.order.filter((k) => task.items[k])).size < task.items.length) return "Give each of them one place.";
+    if (task.kind === "choice" && !task.options[given.choice]) return "Choose one option.";
+    if (task.kind === "order" && new Set(given.order.filter((k) => task.items[k])).size < task.items.length) return "Give each item one place.";
     if (task.reasons && !task.reasons[given.reason]) return "Choose a reason.";
     return numbers;
   }

@@ -53,7 +53,7 @@
       onchange: () => {
         const entered = readNumber(box.value);
         if (Number.isFinite(entered)) set(entered);
-        else box.dispatchEvent(new CustomEvent("lab-refused", { bubbles: true, detail: `${label} must be a number, such as 2.5, 2,5 or 5/2, found “${box.value.slice(0, 30)}”. It is as before.` }));
+        else box.dispatchEvent(new CustomEvent("lab-refused", { bubbles: true, detail: `${label} must be a number, such as 2.5, 2,5 or 5/2, found “${box.value.slice(0, 30)}”. Its value is unchanged.` }));
         box.value = digits(get(), 4);
       },
     });
@@ -178,15 +178,15 @@
   const OVER_FREQUENCY = ["nyquist", "bode", "closed", "lead", "noise"];
 
   /* Return the words that replace the margins of an unstable loop. */
-  const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
+  const verdict = (s) => (s.unknown ? "so slow for this sample time that its stability is unknown" : "unstable");
 
   /* Return the head of a column. A formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => [...(k ? [["wbr", {}]] : []), ...marked(part)])];
 
   /* Return the sentence on the noise of a table. It is the same for all rows. */
   function noiseMeant(shown, process) {
-    const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " – stands where it is not defined." : "", { gain } = noiseScale(process);
-    return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, over the ultimate gain ${digits(gain)}.${none}`;
+    const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " A dash (–) means that it is not defined." : "", { gain } = noiseScale(process);
+    return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain ${digits(gain)}.${none}`;
   }
 
   /* Return the columns that exist for a loop. An unstable loop has no margins, only numbers of its loop gain. */
@@ -253,7 +253,7 @@
       require(given, "given");
       if (!(given.num && given.den && given.end)) throw new RangeError("its plant lacks num, den or end");
     }
-    if (designs !== undefined && !(Array.isArray(designs) && designs.length && designs.length <= MOST)) throw new RangeError(`its designs must be 1 to ${MOST}`);
+    if (designs !== undefined && !(Array.isArray(designs) && designs.length && designs.length <= MOST)) throw new RangeError(`it must have 1 to ${MOST} designs`);
     for (const design of designs ?? []) require(design, "design");
     // A link without limits keeps the filters of its designs.
     const searched = (designs ?? []).every((each) => [undefined, "hand", "optimum"].includes(each.rule));
@@ -381,11 +381,11 @@
         const found = this.seeker.ask(this.process, design.kind, { ms: knob, noise: this.knob("noiseGain", design) });
         if (!found) { this.problems[k] = "the search is running"; return design; }
         if (found.problem) throw new RangeError(found.problem);
-        if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} descents ended here: there may be a better one`;
+        if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} searches found this design: there may be a better one`;
         return { ...design, ...found.design, pending: undefined };
       } catch (error) {
         // A design that was never found is not shown. Any other design keeps its gains.
-        this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule has its own gain; " : ""}${design.pending ? "there is no design" : "its gains are as before"}`;
+        this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule uses its own gain; " : ""}${design.pending ? "no design is shown" : "the gains are unchanged"}`;
         return design;
       }
     }
@@ -405,7 +405,7 @@
       const words = [], names = this.names(), designs = this.state.designs.map((design, k) => {
         const { slow, name } = RULES[design.rule] ?? RULES.hand;
         if (!this.problems[k] || slow) return design;
-        words.push(`${names[k]}: ${this.problems[k].split("; ")[0]}; least IAE in place of ${name}.`);
+        words.push(`${names[k]}: ${this.problems[k].split("; ")[0]}; the lab uses least IAE instead of “${name}”.`);
         return { ...design, rule: "optimum", pending: true };
       });
       if (!words.length) return;
@@ -461,8 +461,8 @@
       this.ownRows = element("div", {},
         ownValue("gain", "gain", 0.1, 10, true), ownValue("lag T1", "t1", 0.01, 100, true),
         ownValue("lag T2", "t2", 0, 10, false), ownValue("lag T3", "t3", 0, 10, false),
-        ownValue("damping", "damping", 0.05, 1, false, "below 1 the lags T1 and T2 become an oscillating pair with time T1"),
-        ownValue("zero", "zero", -3, 3, false, "time constant of a zero, 1 + zero·s; negative: the wrong way first"),
+        ownValue("damping", "damping", 0.05, 1, false, "if it is below 1, the lags T1 and T2 become an oscillating pair with time T1"),
+        ownValue("zero", "zero", -3, 3, false, "time constant of a zero, 1 + zero·s; a negative value gives an inverse response"),
         ownValue("dead time", "delay", 0, 10, false),
         tick({ label: "integrating", get: () => this.state.own.integrating, set: (x) => own({ integrating: x }) }));
 
@@ -471,7 +471,7 @@
       this.host.addEventListener("lab-refused", ({ detail }) => this.say(detail));
       const drop = element("div", { class: "lab-drop" },
         file, element("label", { for: "lab-file", class: "lab-button" }, "Open a record or designs"),
-        element("span", { class: "lab-facts" }, " or drop it here: a CSV file of time, input and output, or of time and output; designs saved by the lab are JSON."));
+        element("span", { class: "lab-facts" }, " or drop the file here. A record is a CSV file with time, input and output, or with time and output. Designs saved by the lab are JSON files."));
       drop.addEventListener("dragover", (event) => event.preventDefault());
       drop.addEventListener("drop", (event) => { event.preventDefault(); this.take(event.dataTransfer.files[0]); });
 
@@ -546,7 +546,7 @@
        comparison is then no longer fair. */
     filter(update) {
       if ("filterTime" in update && this.onTerms(this.design)) {
-        this.say("The filter time is yours now, so the comparison is no longer fair.");
+        this.say("You set the filter time, so the comparison is no longer fair.");
         this.state.fair = false;
       }
       this.edit({ ...(RULES[this.design.rule]?.slow ? { rule: "hand" } : {}), ...update });
@@ -584,7 +584,7 @@
     async take(file) {
       if (!file) return;
       try {
-        if (file.size > LARGEST_FILE) throw new RangeError(`it has ${Math.round(file.size / 1e6)} million characters, at most ${LARGEST_FILE / 1e6} are read`);
+        if (file.size > LARGEST_FILE) throw new RangeError(`it has ${Math.round(file.size / 1e6)} million characters; the lab reads at most ${LARGEST_FILE / 1e6} million`);
         plot.show(this.live, `Reading ${file.name} …`);
         const text = await file.text();
         if (file.name.endsWith(".json")) this.takeSaved(text); else this.takeRecord(text, file.name);
@@ -600,8 +600,8 @@
       const at = t.filter((_, k) => k % each === 0), y = at.map((x) => record.y[Math.max(record.t.findLastIndex((other) => other <= x + 1e-6 * h), 0)]);
       const noiseGain = four(Math.min(Math.max((0.1 * span) / (3 * sigma * noiseScale(ownPlant(rounded)).gain) || 1.5, 0.1), 5));
       const time = own.t1 + own.t2 + own.t3 + own.delay, slow = own.integrating ? { kp: 0.2 / (own.gain * time), ti: 10 * time } : { kp: 0.2 / own.gain, ti: time };
-      const poor = explained < 0.9 ? " That is a poor fit: are the columns time, input and output, and does the input move?" : "";
-      const about = `Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} rows with missing values left out` : ""}. Model by least squares: ${structure}; it explains ${digits(100 * explained, 4)} % of the record.${poor} The residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseGain)}: u moves by a tenth of the record's step for three of them, within 0.1 and 5.`;
+      const poor = explained < 0.9 ? " This fit is poor. Are the columns time, input and output, and does the input move?" : "";
+      const about = `Record of ${record.t.length} samples read.${record.missing ? ` ${record.missing} rows with missing values were left out.` : ""} The least-squares model has ${structure}. It explains ${digits(100 * explained, 4)} % of the variance of the output.${poor} The residuals have a standard deviation of ${digits(sigma)}. The noise limit is therefore ${digits(noiseGain)}: with it, three standard deviations move u by a tenth of the record's step. (The lab keeps this limit between 0.1 and 5.)`;
       const { names, named, columns: used } = record, words = [name, ...used.map((j) => names[j])];
       const chosen = ["time", "u", "y"].map((option, j) => (used[j] === j ? "" : ` --${option}=${named ? quoted(names[used[j]]) : used[j]}`)).join("");
       if (this.dropped?.text !== text) {
@@ -620,7 +620,7 @@
 
     takeSaved(text) {
       const saved = JSON.parse(text).lab;
-      if (!saved?.designs) throw new RangeError("this JSON was not saved by the lab, it has no designs under lab");
+      if (!saved?.designs) throw new RangeError("this JSON file was not saved by the lab: it has no designs under “lab”");
       const state = checked(saved);
       this.state = structuredClone(START);
       this.takeOver(state);
@@ -716,7 +716,7 @@
       // A rule that aims at Ms considers only the continuous loop.
       if (state.sampled) for (const { k, ms, design: { rule } } of shown) {
         const asked = this.knob("ms", state.designs[k]);
-        if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: sample faster, or ask for less`;
+        if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: use a shorter sample time or a smaller Ms`;
       }
       this.notes = Object.fromEntries(shown.map((s) => [s.k, this.notesOf(s)]));
       this.drawCards(looks, names);
@@ -731,10 +731,10 @@
     /* Return the remarks on a design. */
     notesOf({ design, bears, stable, ms, sigma }) {
       const { fair, sampled, noiseGain, designs, own, plant, record } = this.state, said = [];
-      if (!bears) said.push("The error never ends: a unit load needs u = −1, which is beyond these limits.");
+      if (!bears) said.push("The error does not return to zero: a unit load needs u = −1, which is beyond these limits.");
       if (fair && stable && !sampled && design.rule === "hand" && designs.length > 1 && (ms > 1.02 * this.state.ms || sigma > 1.02 * noiseGain))
-        said.push(`By hand: Ms ${digits(ms)} and relative noise gain ${digits(sigma)}, where the others have at most ${digits(this.state.ms)} and ${digits(noiseGain)}.`);
-      if (fair && stable && !sampled && design.rule !== "hand" && sigma < 0.98 * noiseGain) said.push(`It needs a relative noise gain of only ${digits(sigma)} of the ${digits(noiseGain)} allowed.`);
+        said.push(`This design by hand has Ms ${digits(ms)} and a relative noise gain of ${digits(sigma)}. The other designs have at most ${digits(this.state.ms)} and ${digits(noiseGain)}.`);
+      if (fair && stable && !sampled && design.rule !== "hand" && sigma < 0.98 * noiseGain) said.push(`Its relative noise gain is only ${digits(sigma)}; the limit is ${digits(noiseGain)}.`);
       const known = [own.t1, own.t2, own.t3].filter(Boolean).length + own.integrating;
       if (plant === "own" && record && known <= ORDER[design.kind]) said.push(`The model has ${known} pole${known === 1 ? "" : "s"}. A ${design.kind} acts on faster dynamics, which this record does not show.`);
       return said;
@@ -758,7 +758,7 @@
       const noise = ready && noiseGainAt(this.process, this.design, file.h);
       const command = ready && Number.isFinite(noise) && `pidalab tune ${file.called} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
       plot.show(this.about, ...(about ? [["p", {}, about]] : []),
-        ...(command ? [["p", {}, ...marked("The same Ms, and the noise gain that this design has at the record's sample time, from the command line, with uncertainty and sampling, and code for a controller in the folder "), ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
+        ...(command ? [["p", {}, ...marked("This command designs a controller with the same Ms, and with the noise gain of this design at the record's sample time. It considers uncertainty and sampling, and writes code for the controller into the folder "), ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
     }
 
     drawPlots(shown) {

@@ -62,7 +62,7 @@
       const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
       const key = (kind) => element("span", { class: "landing-key" }, element("span", { class: `lab-key lab-key-${KINDS[kind]}` }), ` ${kind} ${this[kind][k][0].toFixed(2)}`);
       this.words.replaceChildren(`Relative noise gain ${this.limits[k]}. IAE:`,
-        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind)]), element("span", {}, ...marked(`. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of what PID leaves.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`)));
+        ...Object.keys(KINDS).flatMap((kind) => [" ", key(kind)]), element("span", {}, ...marked(`. At the same Ms of ${this.ms}, acceleration saves ${Math.round(this.saved[k])} % of the IAE of PID.${idle.length ? ` ${idle.join(" and ")} cannot use this much noise.` : ""}`)));
     }
   }
 

@@ -24,7 +24,7 @@
     "vrancic-6": { name: "vrancic2021, G_P6: 1/((s+1)(s+3)(s+6))", num: [1], den: multiply([1, 1], multiply([1, 3], [1, 6])), delay: 0, end: 12 },
     "huba-ipdt": { name: "huba2018, huba2024: e^(−s)/s", num: [1], den: [1, 0], delay: 1, end: 30 },
     "oscillating": { name: "oscillating: damping 0.3, dead time 0.3", num: [1], den: [1, 0.6, 1], delay: 0.3, end: 30 },
-    "inverse": { name: "the wrong way first: (1−s)/(s+1)³", num: [-1, 1], den: lags(3), delay: 0, end: 40 },
+    "inverse": { name: "inverse response: (1−s)/(s+1)³", num: [-1, 1], den: lags(3), delay: 0, end: 40 },
   };
 
   /* Return the user's plant: gain, up to three lags or an oscillating pair and a lag, a zero, an integrator, a dead time. */
@@ -226,7 +226,7 @@
   /* Refuse responses whose area under y is wrong. The integral gain determines the area, since at rest u is the integral. */
   function requireShown({ gains: [ki] }, { t, y, u }) {
     const area = y.reduce((sum, value, k) => (k ? sum + 0.5 * (t[k] - t[k - 1]) * (value + y[k - 1]) : 0), 0);
-    if (Math.abs(u[u.length - 1] + 1) < 0.01 && Math.abs(ki * area - 1) > 0.05) throw new RangeError(`the time axis ends at ${t[t.length - 1]}, too long to show this loop, which is at rest between two of its points: take a shorter one`);
+    if (Math.abs(u[u.length - 1] + 1) < 0.01 && Math.abs(ki * area - 1) > 0.05) throw new RangeError(`the time axis ends at ${t[t.length - 1]}, too long for this loop, which comes to rest between two plotted points: choose a shorter axis`);
   }
 
   const STEPS = [{ setpoint: 1, load: 0 }, { setpoint: 0, load: 1 }];
@@ -236,7 +236,7 @@
     const asked = { process: { num, den, delay }, controller: controller(design, limits), end, antiWindup, trackingTime };
     const between = sampleTime ? Math.min(Math.max(Math.ceil((1200 * sampleTime) / end), 1), 30) : 1; // points of a sample
     const period = NOISE_SAMPLES * noiseScale(asked.process).sampleTime, fine = Math.max(Math.ceil((PER_PERIOD * end) / period) || 0, points);
-    if (fine > MOST_POINTS) throw new RangeError(`the time axis ends at ${end}, more than ${MOST_POINTS / PER_PERIOD} ultimate periods of the plant: take a shorter one`);
+    if (fine > MOST_POINTS) throw new RangeError(`the time axis ends at ${end}, more than ${MOST_POINTS / PER_PERIOD} ultimate periods of the plant: choose a shorter axis`);
     const h = sampleTime || end / Math.max(4000, fine - 1), digital = { ...asked, sampleTime: h, method: "backward", between };
     if (noise) digital.noise = uniform(noise, Math.round(end / h) + 1);
     const [setpoint, load] = STEPS.map((step) => (sampleTime || noise ? simulateSampled({ ...digital, ...step }) : simulate({ ...asked, points: fine, ...step })));
@@ -360,7 +360,7 @@
     const first = integrating ? Infinity : found[0] ?? 0, second = order ? found[integrating ? 0 : 1] ?? 0 : 0;
     const kc = (integrating ? 1 : first) / (gain * (tc + delay)), ti = Math.min(first, 4 * (tc + delay));
     const factor = 1 + second / ti, made = { kp: kc * factor, ti: ti * factor, td: second / factor, ta: 0 };
-    if (!Object.values(made).every(Number.isFinite)) throw new RangeError("this rule makes no finite design of this plant and time");
+    if (!Object.values(made).every(Number.isFinite)) throw new RangeError("this rule makes no finite design for this plant and closed-loop time");
     return { ...design, ...made };
   }
 
@@ -436,7 +436,7 @@
     });
   }
 
-  const SHORT = "this rule makes no stable loop with so short a filter: take a longer one";
+  const SHORT = "this rule makes no stable loop with so short a filter: use a longer filter time";
 
   /* Return the design for the numbers c0, c1, ..., which apply to a dead time and a gain of 1. */
   const dimensioned = (design, velocity, delay, [c0, c1, c2 = 0, c3 = 0]) => ({ ...design, kp: c1 / (velocity * delay), ti: (c1 / c0) * delay, td: (c2 / c1) * delay, ta: (c3 / c1) * delay * delay });
@@ -555,7 +555,7 @@
      gain is used. */
   const alike = remembering(REMEMBERED, ({ num, den, delay, end }, design, { knob, ms, noise }) => {
     const process = { num, den, delay }, { sampleTime, gain } = noiseScale(process), rule = RULES[design.rule], shapeOf = rule.shape ?? rule.apply;
-    if (!(sampleTime > 0)) throw new RangeError("this plant has no time constant and no dead time, from which the sample time of the noise follows");
+    if (!(sampleTime > 0)) throw new RangeError("this plant has no time constant and no dead time, so the sample time of the noise is undefined");
     const low = Math.log(sampleTime), high = Math.log(Math.max(LONGEST * end, 4 * sampleTime)), rung = (high - low) / FILTER_TIMES;
     const shapeAt = (x) => shapeOf(process, { ...design, filterTime: Math.exp(x) }, knob);
     const w = Array.from({ length: 351 }, (_, k) => (0.1 / end) * Math.pow(10, k / 50));
@@ -571,7 +571,7 @@
       }
     };
     const worths = Array.from({ length: FILTER_TIMES + 1 }, (_, k) => worth(low + k * rung)), best = worths.indexOf(Math.max(...worths));
-    if (!(worths[best] > 0)) throw worths[best] > -Infinity ? new RangeError("no filter makes it as quiet as this noise limit: allow more") : refused;
+    if (!(worths[best] > 0)) throw worths[best] > -Infinity ? new RangeError("no filter makes it as quiet as this noise limit: allow more noise") : refused;
     let x = best && highest(worth, low + (best - 1) * rung, Math.min(low + (best + 1) * rung, high)), made, slope = -Math.max(ORDER[design.kind], 1), before;
     if (!best) x = low;
     const bound = Math.log(roughly(process, shapeAt(x), ms, w, sampleTime).noise / (noise * gain)) > -CLOSE; // true if the noise limits the filter

@@ -466,7 +466,7 @@
     if (!sign) throw new RangeError("the plant has no gain");
     if (!(ms > 1)) throw new RangeError(`Ms must be above 1, found ${ms}`);
     if (!(noise > 0)) throw new RangeError(`the noise limit must be above 0, found ${noise}`);
-    if (!(loud > 0)) throw new RangeError("this plant has no time constant and no dead time, from which the sample time of the noise follows");
+    if (!(loud > 0)) throw new RangeError("this plant has no time constant and no dead time, so the sample time of the noise is undefined");
     const upright = { num: num.map((c) => sign * c), den, delay };
     for (const factor of [1, 8, 64]) {
       const unit = factor * unitOf(upright, loud);
@@ -481,7 +481,7 @@
         return { design: { ...best.design, kp: sign * best.design.kp }, iae, ms: best.ms, noise: best.noise, ends, agree: ends.filter((x) => x < 1 + SAME).length };
       }
     }
-    throw new RangeError(`no ${kind} controller was found that keeps Ms ${ms} and a relative noise gain of ${noise}: allow more`);
+    throw new RangeError(`no ${kind} controller was found with Ms ${ms} and a relative noise gain of ${noise}: allow a larger Ms or more noise`);
   }
 
   globalThis.pidalabOptimum = { find };

@@ -100,7 +100,7 @@
       this.host.querySelector(".task-title").append(" ", this.badge);
       const numbers = this.fields.every(({ read }) => typeof read() === "string"), parts = this.fields.map(({ parts }) => parts);
       const actions = element("p", { class: "task-actions" }, element("button", { type: "submit", class: "lab-button" }, "Check"));
-      if (this.task.lab) actions.append(" ", element("a", { href: this.labAddress() }, "Open it in the lab"));
+      if (this.task.lab) actions.append(" ", element("a", { href: this.labAddress() }, "Open in the lab"));
       this.form = element("form", { class: "task-form", onsubmit: (event) => { event.preventDefault(); this.check(); } },
         ...(numbers ? [element("div", { class: "task-fields" }, ...parts)] : parts), actions, this.verdict);
       this.form.noValidate = true;
@@ -113,7 +113,7 @@
       if (this.busy) return;
       this.busy = true;
       const given = Object.fromEntries(this.fields.map(({ name, read }) => [name, read()]));
-      if (this.task.search) this.show({ busy: true, say: "Searching for the best of both kinds: a second or two." });
+      if (this.task.search) this.show({ busy: true, say: "Searching for the best controllers takes a second or two." });
       const found = await judged(this.task, given);
       this.busy = false;
       if (!found.refused && !this.state.solved) this.state.tries++;
