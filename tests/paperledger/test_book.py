@@ -32,7 +32,7 @@ def test_a_whole_page(project, capsys):
     hand_over(book)
     book.close()
     line = "audit/demo: 8 claims, 1 reproduced, 1 last-digit, 1 approximate, 1 holds, 1 fails, 1 misprint, 1 differs, "
-    assert capsys.readouterr().out == line + "1 disagree with other print\n"
+    assert capsys.readouterr().out == line + "1 disagree with another printed value\n"
 
 
 def test_a_page_owes_its_own_rows(project, capsys):

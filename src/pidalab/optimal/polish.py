@@ -26,11 +26,11 @@ from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
 MAX_FINISHES = 12  # largest number of rounds; each round adds the worst frequencies of the preceding round
 VALLEY_GAP = 1e-2  # an optimum is dropped if it is worse than a known optimum by more than this share
-UNPOLISHED = 1e-2  # estimated error of an optimum that was not refined by Newton's method
+UNPOLISHED = 1e-2  # estimated error of an optimum that Newton's method did not refine
 ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by less than this share
-BACK = 0.97  # factor of the gains before a diverged descent is repeated
+BACK = 0.97  # after a diverged descent, the gains are multiplied by this factor and the descent is repeated
 WORST_PLANTS = 2  # largest number of plants of the family that are added at a time
-# Reduction of gains with a family of plants: factor of each step, largest number of steps, violation at which it ends.
+# Reduction of gains with a family: factor of each step, largest number of steps, violation at which it ends.
 SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
 # For each quantity that can be limited, a function that returns its supremum over frequency, and the frequency.
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
@@ -48,10 +48,10 @@ SPACING, LEAST_SPACING = 1e-4, 1e-6  # largest and least distance of points for 
 # if the last step is shorter than `LARGEST_LAST_STEP`.
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
 SMALL_STEP = 1e-3  # after a smaller step, second derivatives are kept if the steps shrink quickly
-# Trust region: its largest radius, the longest step that is near the end, the smallest radius.
+# Trust region: its largest radius, the longest step that counts as near the end, and its smallest radius.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least unit of a gain
-NOMINAL = len(PEAKS)  # smaller kinds are peaks of the process itself, the others are peaks of other plants
+NOMINAL = len(PEAKS)  # smaller kinds are peaks of the process itself, all others are peaks of other plants
 
 
 class Polished(NamedTuple):
@@ -64,10 +64,10 @@ class Polished(NamedTuple):
 
 
 class Peaks:
-    """Heights of peaks of the process and of |S| with other plants, as smooth functions of the unknowns.
+    """Heights of peaks of the process, and of |S| with other plants, as smooth functions of the unknowns.
 
-    The kinds of peaks are numbers. The first numbers are the places in `PEAKS`, of which not all are limited. Then each
-    other plant has one number, for the peaks of its |S|.
+    The kinds of peaks are numbers. The first numbers are the places in `PEAKS`, not all of which are limited. Each
+    other plant has a further number for the peaks of its |S|.
     """
 
     def __init__(self, search: Search) -> None:
@@ -146,7 +146,7 @@ class Peaks:
         return np.asarray(np.real(a * by_controller + b * by_plant))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
-        """Return the logarithms of heights over limits and their derivatives by the unknowns."""
+        """Return the logarithms of heights divided by their limits, and their derivatives by the unknowns."""
         s = 1j * w
         controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
         L = self._plant(s, kinds)[0] * controller
@@ -156,7 +156,7 @@ class Peaks:
 
 
 def _parts(kinds: Array, controller: Array, L: Array) -> Any:
-    """Return for each peak the numerator of its height over 1 + L, and both weights. Other plants have peaks of |S|."""
+    """Return numerator / (1 + L) and both weights for each peak. The peaks of other plants are those of |S|."""
     kind_of_each = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
     each = zip(kind_of_each, controller.tolist(), L.tolist(), strict=True)
     values = [(numerator(kind, c, l), *weights(kind, l)) for kind, c, l in each]
@@ -213,7 +213,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian. The frequencies of the peaks follow the variables."""
+        """Return the second derivatives of the Lagrangian. The peaks' frequencies change with the variables."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -233,14 +233,14 @@ def polish(search: Search, x: Array) -> Polished | None:
 
     Notes
     -----
-    The state is the point z in the scaled variables of a descent, the value at z, and the sum of all violations of
-    limits at z. Each step solves the quadratic programme of sequential quadratic programming (Nocedal and Wright,
-    Numerical Optimization, 2006, ch. 18) within a trust region. Far from the end, a step is accepted only if it does
-    not raise the sum of the value and the penalty times the violations. The penalty is at least twice the largest
-    multiplier. Near the end, a step is accepted if it is less than half as long as the preceding step, so that the
-    steps shrink until one is shorter than `LAST_STEP`. Second derivatives are computed again (`stale`) after a long
-    step, and after a step longer than a tenth of the preceding one. They are first computed from the coarse response.
-    After a step longer than 0.3 times the preceding one they are computed from the fine response.
+    The state consists of the point z in the scaled variables of a descent, the value at z, and the sum of all
+    violations of limits at z. Each step solves the quadratic programme of sequential quadratic programming (Nocedal and
+    Wright, Numerical Optimization, 2006, ch. 18) within a trust region. Far from the end, a step is accepted only if it
+    does not raise the value plus the penalty times the violations. The penalty is at least twice the largest
+    multiplier. Near the end, a step is accepted if it is less than half as long as the preceding step. So the steps
+    shrink until one is shorter than `LAST_STEP`. Second derivatives are computed again (`stale`) after a long step, and
+    after a step longer than a tenth of the preceding step. They are first computed from the coarse response. After a
+    step longer than 0.3 times the preceding step they are computed from the fine response.
     """
     lagrangian = Lagrangian(search, x)
     z = np.clip(lagrangian.scaled(x), lagrangian.low, lagrangian.high)
@@ -268,11 +268,11 @@ def polish(search: Search, x: Array) -> Polished | None:
             length = float(np.max(np.abs(step)))
             penalty = max(penalty, 2 * float(np.max(multipliers[:limits], initial=0.0)))
             there, by = lagrangian.violation(z + step)
-            # A full step may violate a curved limit a little. So near the end only the length of the step counts.
+            # A full step may slightly violate a curved limit. So near the end only the length of the step counts.
             is_near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
             if is_near or there + penalty * by <= value + penalty * violation:
                 break
-            # The trust region must shrink even if rounding makes the step longer than its radius.
+            # Shrink the trust region even if rounding made the step longer than its radius.
             trust = 0.3 * min(trust, length)
             if trust < LEAST_TRUST:
                 return None
@@ -294,7 +294,7 @@ FLATTEST = 1e-9  # least curvature in any direction
 
 
 def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
-    """Return the non-negative multipliers of the active limits that fit the gradient best (least squares)."""
+    """Return the non-negative multipliers of the active limits that fit the gradient best, by least squares."""
     from scipy.optimize import nnls
 
     multipliers = np.zeros(slack.size)
@@ -307,8 +307,8 @@ def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
 def convex(hessian: Array, reached: Array) -> Array:
     """Make a matrix of second derivatives positive definite.
 
-    In the directions along the active limits, curvatures are replaced by their absolute values. In the other
-    directions, curvature is added until the whole matrix is positive definite.
+    Along the active limits, curvatures are replaced by their absolute values. In the other directions, curvature is
+    added until the whole matrix is positive definite.
     """
     if reached.size:
         _, sizes, turned = np.linalg.svd(reached)
@@ -333,7 +333,7 @@ def solve_qp(
 ) -> tuple[Array, Array] | None:
     """Return the step that minimises a quadratic function within limits and trust, and the multipliers of the limits.
 
-    The problem is solved as a least-distance programme [LaH95]_.
+    The problem is converted to a least-distance programme (see the top of this module).
     """
     from scipy.optimize import nnls
 
@@ -381,7 +381,7 @@ def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished
         x, end = unknowns, polish(search, unknowns)
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
-        for peak in end.w:  # The following descents use these frequencies.
+        for peak in end.w:  # the following descents use these frequencies
             search.look_at(peak, nearly=True)
         if search.sound(end.x) and _keeps(search, end.x, search.true_noise(end.x)):
             if _safe(search, end.x):
@@ -391,7 +391,7 @@ def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished
 
 
 def _safe(search: Search, x: Array) -> bool:
-    """Return True if all plants of the family keep `ms_worst`. Otherwise add the worst two to the next descents."""
+    """Return True if all plants of the family keep `ms_worst`. If not, add the worst two to the next descents."""
     loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)
@@ -417,7 +417,7 @@ def _shrunk(search: Search, x: Array) -> Array:
 
 
 def _keeps(search: Search, x: Array, noise: float) -> bool:
-    """Return True if all limits hold. Otherwise add the frequencies at which a limit does not hold."""
+    """Return True if all limits hold. If not, add the frequencies at which a limit does not hold."""
     loop, kept = search.loop(x), True
     for name, most in search.limits.peaks(0.0).items():
         height, frequency = SUPREMA[name](loop)

@@ -1,20 +1,19 @@
-r"""The optimisation behind `pidalab.optimal`: error and limits as smooth functions of the gains, with gradients.
+r"""Error and limits for `pidalab.optimal`, as smooth functions of the gains, with gradients.
 
-The unknowns are the gains, made dimensionless with the gain and the time scale of the process, and the logarithm of the
-filter time. With :math:`C = c/q` and the filter q there are closed forms at each frequency:
+The unknowns are the gains, made dimensionless by the gain and the time scale of the process, and the logarithm of the
+filter time. With :math:`C = c/q`, where q is the filter, closed forms exist at each frequency:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the axis, with exact
-dead time. A second transform gives the whole gradient. The IAE is the exact integral of the error plus twice the area
-on the other side of zero, with straight lines between samples. Its slope is continuous, so that Newton's method can
+dead time. A second transform computes the whole gradient. The IAE is the exact integral of the error plus twice the
+area on the other side of zero, with straight lines between samples. Its slope is continuous, so Newton's method can
 converge to the minimum.
 
-Limits at all frequencies are those of \|S\|, \|C S\|, \|T\| and half of \|S - T\|. Each is the modulus of t/(1 + L),
-with
-t = 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by their sum, and the logarithm of the height
-by :math:`\operatorname{Re}(a c + b p)`, with
+The limits at all frequencies are those of \|S\|, \|C S\|, \|T\| and half of \|S - T\|. Each height is the modulus of
+t/(1 + L), where t is 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by their sum. The logarithm
+of the height then changes by :math:`\operatorname{Re}(a c + b p)`, with
 
 =================  =========  ==========  =========  =====================
 height             \|S\|      \|C S\|     \|T\|      half of \|S - T\|
@@ -23,7 +22,7 @@ a                  -T         S           S          -2 L/(1 - L²)
 b                  -T         -T          S          -2 L/(1 - L²)
 =================  =========  ==========  =========  =====================
 
-The slopes by the gains, for which P is constant, and by the frequency both have this form.
+Two slopes have this form: the slope by the gains, for which P is constant, and the slope by the frequency.
 """
 
 from __future__ import annotations
@@ -48,14 +47,14 @@ REST = 1e-3  # allowed relative error of the integral by the transform
 GAIN_UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
 BARRIER = 1e9  # value of the objective for an unstable loop
 
-# A line search needs only values, so slopes are computed on request.
+# A line search needs only values, so slopes are functions that are called on request.
 Slope = Callable[[], Array]
-PEAKS = ("ms", "mks", "mt", "inverse_disk")  # half of |S - T| is one over the disk margin
+PEAKS = ("ms", "mks", "mt", "inverse_disk")  # half of |S - T| is the inverse of the disk margin
 MS, MKS, MT, INVERSE_DISK = range(4)  # kinds of heights
 
 
 def numerator(kind: int, controller: Any, L: Any) -> Any:
-    """Return the numerator over 1 + L of a kind of height."""
+    """Return t of the table above, the numerator of a kind of height whose denominator is 1 + L."""
     return (1.0, controller, L)[kind] if kind != INVERSE_DISK else 0.5 * (1 - L)
 
 
@@ -70,12 +69,12 @@ def weights(kind: int, L: Any) -> tuple[Any, Any]:
 
 
 def turned(f: Any) -> float:
-    """Return the angle by which a function turns along points that are close enough, for the argument principle."""
+    """Return the angle by which a function turns along points that are close enough for the argument principle."""
     return float(np.angle(f[1:] / f[:-1]).sum())
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Return sorted frequencies with those added, up to an end, at which a dead time turns the phase by some angles."""
+    """Return sorted frequencies, and add those (up to an end) at which a dead time turns the phase by given angles."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -106,7 +105,7 @@ class Problem:
         return x[: self.gains] * self.units, self.time * float(np.exp(x[self.gains]))
 
     def unknowns(self, gains: Array, time: float) -> Array:
-        """Return the unknowns for gains K_-1, K_0, ..., of which the last may be missing, and a filter time."""
+        """Return the unknowns for gains K_-1, K_0, ... and a filter time. The last gain may be missing."""
         x = np.zeros(self.size)
         x[: len(gains)] = gains / self.units[: len(gains)]
         x[-1] = np.log(time / self.time)
@@ -119,45 +118,46 @@ class Problem:
     def _filter(self, x: Array, s: Any) -> tuple[Any, Any]:
         """Return the filter at complex s, and one of its lags."""
         _, tf = self.controller(x)
-        # Products are used, since numpy computes powers of complex arrays by logarithms.
+        # Use products, since numpy computes powers of complex arrays by logarithms.
         filtered = lag = 1 / (1 + tf * s)
         for _ in range(self.order):
             filtered = filtered * lag
         return filtered, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Return the controller at complex s, and its slopes by the gains and, on request, by the log filter time."""
+        """Return the controller at complex s, and a function of its slopes by the gains and the log filter time."""
         filtered, lag = self._filter(x, s)
         by_gains = actions * filtered
         controller = x[: self.gains] @ by_gains
         return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
     def iae(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
-        """Return the function that gives the IAE of a step of the load, and the function of its gradient.
+        """Return a function that computes the IAE of a step of the load, and a function of its gradient.
 
-        After the horizon the integral of the error is used.
+        Beyond the horizon the integral of the error is used.
         """
         s = DAMPING / horizon + 2j * np.pi / horizon * np.arange(samples // 2 + 1)
         step = horizon / samples
         growth = np.exp(DAMPING * np.arange(samples) / samples) / step
         plant, actions = self.process(s), self._actions(s)
         disturbed = plant / s
-        both_signs = np.full(s.size, 2.0 / samples)  # Each frequency also represents its negative.
+        both_signs = np.full(s.size, 2.0 / samples)  # each frequency also represents its negative
         both_signs[[0, -1]] *= 0.5
 
         def value(x: Array) -> tuple[float, Slope]:
             filtered, lag = self._filter(x, s)
             controller = (x[: self.gains] @ actions) * filtered
             sensitivity = 1 / (1 + plant * controller)
-            e = disturbed * sensitivity  # The error is -y. Its sign does not matter.
+            e = disturbed * sensitivity  # the error is -y, but its sign does not matter
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # If the integral beyond the horizon has the other sign, it is a penalty for the design.
+            # If the integral beyond the horizon has the other sign, the excess is a penalty for the design.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
-                # By Parseval the integral of weight times slope over time is one over frequency, by a single transform.
+                # By Parseval's theorem, the integral of weight times slope over time is an integral over frequency, for
+                # which a single transform is enough.
                 weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
@@ -172,8 +172,8 @@ class Problem:
     def _characteristic(self) -> None:
         r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` on the axis, for a process b/a of order n.
 
-        Its zeros are the poles of the loop, and its poles are stable. So f turns by -pi along the axis for each
-        unstable pole of the loop.
+        The zeros of f are the poles of the loop, and the poles of f are stable. So f turns by -pi along the axis for
+        each unstable pole of the loop.
         """
         process, sigma = self.process, 1 / self.time
         speeds = np.abs(roots(process.den)) * self.time
@@ -195,8 +195,8 @@ class Problem:
     def slack(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
         """Return the function of the slack of limits at frequencies w, and of its gradient.
 
-        The limits are those of `PEAKS`, by name. Another process may replace that of the problem. With r, the square of
-        a height over its limit, the slack is 1/r - 1 for |S| and (1 - r)/(1 + r) for the others.
+        The limits are those of `PEAKS`, by name. Another process may replace that of the problem. Let r be the square
+        of a height divided by its limit. The slack is 1/r - 1 for |S|, and (1 - r)/(1 + r) for the other heights.
         """
         s = 1j * w
         plant, actions = (process or self.process)(s), self._actions(s)
@@ -224,11 +224,11 @@ class Problem:
 
 
 def _other_side(error: Array) -> tuple[float, Array]:
-    """Return the sum over all steps of the mean negative part along straight lines, and its slope by the samples."""
+    """Return the sum over all steps of the mean negative part of straight lines, and its slope by the samples."""
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
-    # `share` is the part of the step below zero, all of it if both ends are negative.
+    # `share` is the part of the step in which the line is below zero.
     share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
     below = np.minimum(high, 0.0)
     by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
@@ -239,13 +239,13 @@ def _other_side(error: Array) -> tuple[float, Array]:
 
 
 class CachedValueAndSlope:
-    """Function that returns a value and a function of its slope, with the last point cached."""
+    """Function that returns a value and a function of its slope. The results at the last point are cached."""
 
     def __init__(self, both: Any) -> None:
         self.both, self.place = both, b""
 
     def _at(self, x: Array) -> tuple[Any, Any]:
-        if x.tobytes() != self.place:  # Comparing bytes takes a tenth of the time of comparing arrays.
+        if x.tobytes() != self.place:  # comparing bytes takes a tenth of the time of comparing arrays
             self.place, self.last = x.tobytes(), self.both(x.copy())
         return self.last
 
@@ -259,7 +259,7 @@ class CachedValueAndSlope:
 
 
 class Scaled:
-    """Scaling of a descent: logarithm of the integral gain, other gains in units of their values at the start."""
+    """Scaling of a descent: logarithm of the integral gain, and other gains divided by their values at the start."""
 
     def __init__(self, start: Array, gains: int) -> None:
         self.unit = np.ones(start.size)
@@ -278,7 +278,7 @@ class Scaled:
         return x
 
     def slopes(self, x: Array, by_x: Array) -> Array:
-        """Convert slopes by the unknowns to slopes by scaled unknowns."""
+        """Convert slopes by the unknowns to slopes by the scaled unknowns."""
         by_z = by_x * self.unit
         by_z[..., 0] = by_x[..., 0] * x[0]
         return by_z
@@ -306,18 +306,18 @@ class SampledNoise:
     sample_time : float
         Sample time of controller and noise. No filter time may be shorter.
     density : int, optional
-        Factor of the number of frequencies; 1 gives four digits.
+        Factor of the number of frequencies. 1 gives four digits.
 
     Notes
     -----
-    The controller is discretised for held inputs, as in `pidalab.noise_gain`. It is a sum of lags behind a hold, whose
+    The controller is discretised for held inputs, as in `pidalab.noise_gain`. It is a sum of lags after a hold. Their
     sampled responses satisfy a recursion with :math:`a = e^{-\rho}` and :math:`\rho = h/T_F`,
 
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
 
-    where :math:`X_i` belongs to :math:`1/(1 + T_F s)^i` and P is the incomplete gamma function. Every action behind the
-    filter, and its slope by the filter time, is a sum of these. By Parseval the variance of u is the mean of
-    :math:`|C/(1 + G C)|^2` over the unit circle. The dead time is exact.
+    where :math:`X_i` belongs to :math:`1/(1 + T_F s)^i` and P is the incomplete gamma function. Every filtered action,
+    and its slope by the filter time, is a sum of these responses. By Parseval's theorem the variance of u is the mean
+    of :math:`|C/(1 + G C)|^2` over the unit circle. The dead time is exact.
     """
 
     def __init__(self, problem: Problem, sample_time: float, density: int = 1) -> None:
@@ -330,7 +330,7 @@ class SampledNoise:
         self.moved = np.prod((self.z - outside) / (self.z - 0.5 * outside / np.abs(outside)), axis=0)
         self.integrator = sample_time / (self.z - 1)
         self._expand()
-        # weights of the trapezoidal rule over the upper half of the circle
+        # These are the weights of the trapezoidal rule over the upper half of the circle.
         steps = np.diff(self.w)
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
 
@@ -349,7 +349,7 @@ class SampledNoise:
         return float(np.abs(u) ** 2 @ self.weight), slope
 
     def gain(self, x: Array) -> float:
-        """Return the noise gain, infinite if the sampled loop is unstable."""
+        """Return the noise gain. It is infinite if the sampled loop is unstable."""
         return math.inf if self.unstable(x) else math.sqrt(self(x)[0])
 
     def unstable(self, x: Array) -> bool:
@@ -361,11 +361,11 @@ class SampledNoise:
     def _expand(self) -> None:
         """Expand the filtered actions, T^k s^k/(1 + T s)^n, and their slopes by log T, in lags.
 
-        With :math:`Ts = (1 + Ts) - 1` they are sums of lags with the coefficients of :math:`(1 - 1/(1 + Ts))^k`.
+        Since :math:`Ts = (1 + Ts) - 1`, they are sums of lags with the coefficients of :math:`(1 - 1/(1 + Ts))^k`.
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        self.actions[0, 1 : n + 1] = -1.0  # For K_-1 this is filtered 1/s less 1/s.
+        self.actions[0, 1 : n + 1] = -1.0  # for K_-1 this is filtered 1/s minus 1/s
         self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):
@@ -377,7 +377,7 @@ class SampledNoise:
         """Return the sampled controller at the frequencies, and parts of its slopes by gains and log filter time."""
         n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
         powers = time ** np.arange(1.0, -n, -1.0)
-        lags = self._lags(time, n + 1).view(float)  # real numbers times pairs of them
+        lags = self._lags(time, n + 1).view(float)  # products with pairs of real numbers are faster
         controller = (((gains * powers) @ self.actions) @ lags).view(complex)
         controller += gains[0] * self.integrator
 
@@ -392,7 +392,7 @@ class SampledNoise:
         return controller, slopes
 
     def _lags(self, time: float, most: int) -> Array:
-        """Return the sampled responses of 0, 1, ..., most equal lags behind a hold."""
+        """Return the sampled responses of 0, 1, ..., most equal lags after a hold."""
         from scipy.special import gammainc
 
         rho = self.h / time
@@ -419,14 +419,14 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 
 
 CORNER = -0.75 * math.pi  # phase of the process at the frequency that determines the unit of time
-INTEGRATORS_TURN = 0.25 * math.pi  # the same, beyond the phase of several integrators
-# A limit of noise determines the unit only if it is slower than that phase by this factor.
+INTEGRATORS_TURN = 0.25 * math.pi  # with several integrators, the phase lag beyond theirs at this frequency
+# A limit of noise determines the unit only if it demands a frequency lower than that by this factor.
 NOISE_SLOWDOWN = 8.0
 QUIET_SHARE = 0.1  # share of the noise limit for proportional action, if nothing else determines the unit
 
 
 def unit_of_time(process: Process, limits: Requirements) -> float:
-    """Return a unit of time in which a loop around the process, limited only by robustness, has numbers near 1."""
+    """Return a unit of time in which a loop that is limited only by robustness has numbers near 1."""
     poles = roots(process.den)
     integrators = int(np.sum(poles == 0))
     speeds = np.abs(np.concatenate([poles, roots(process.num)]))
@@ -435,7 +435,7 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
     if not corners.size:
         return _by_noise(process, integrators, limits)
     growing = np.max(poles.real, initial=0.0)
-    if growing > 0:  # For an unstable process: between the growth rate and the fastest possible reaction.
+    if growing > 0:  # use a time between the growth and the fastest possible reaction of an unstable process
         return 1 / math.sqrt(growing * float(corners.max()))
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
     at_rest = -0.5 * np.pi * integrators
@@ -446,20 +446,20 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
 
 
 def _loudest(process: Process, limits: Requirements, w: Array) -> float:
-    """Return the frequency up to which a limit of noise permits control, where |C S| is near 1/|P|."""
+    """Return the frequency up to which a limit of noise permits control, at which |C S| is near 1/|P|."""
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)
     if limits.mks is not None:
         able &= asked <= limits.mks
     if limits.noise_gain is not None and limits.sample_time is not None:
-        # The power of sampled white noise is uniform below pi over the sample time.
+        # The power of sampled white noise is uniform below pi divided by the sample time.
         power = np.cumsum(asked**2 * np.gradient(w)) * limits.sample_time / np.pi
         able &= power <= limits.noise_gain**2
     return float(w[able].max()) if able.any() else math.inf
 
 
 def _by_noise(process: Process, integrators: int, limits: Requirements) -> float:
-    """Return the unit for pure integrators, for which only noise limits a loop."""
+    """Return the unit of time for pure integrators, whose loop only noise limits."""
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:
         raise ValueError(

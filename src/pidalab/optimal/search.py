@@ -1,7 +1,7 @@
 """Descents under limits and their starts, for `pidalab.optimal`.
 
-The first family of starts consists of PI and PID controllers with filters of several speeds. The second has all zeros
-at one place below a chosen crossover, for plants that need derivative or acceleration to be stable.
+There are two families of starts. The first consists of PI and PID controllers with filters of several speeds. The
+second has all zeros at one place below a chosen crossover, for plants that need derivative action to be stable.
 """
 
 from __future__ import annotations
@@ -30,39 +30,39 @@ from pidalab.requirements import Requirements
 from pidalab.robustness.poles import is_stable
 
 FINE_SAMPLES = 8192  # number of samples of the response for the final IAE
-# The grid of filter times: largest and smallest logarithm, in units of the process, and number.
+# The grid of filter times has a largest and a smallest logarithm, in units of the process, and a number of points.
 SLOWEST_ON_GRID, FASTEST_ON_GRID, GRID_SIZE = 1.0, -5.0, 13
 FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
 LARGEST_GAIN = 1e6  # relative to the unit of gain of the process
 SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the process
 VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
 SPARE = 2e-5  # the search stays below a limit by this share, since peaks may lie between its frequencies
-AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # relative frequencies around a peak
-BETWEEN = 0.01  # relative distance below which one frequency represents another
+AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # frequencies added around a peak, relative to it
+BETWEEN = 0.01  # a frequency represents another if their relative distance is smaller
 NEARLY = 1e-4  # allowed violation of a limit during the search
-ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of an intermediate and of a final descent
-# largest number of successive descents; a descent is long if log IAE falls by more than this
+ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of intermediate and of final descents
+# At most this number of descents follow each other. A descent is long if log IAE falls by more than LONG_DESCENT.
 AGAIN, LONG_DESCENT = 4, 0.2
 FINER = 12  # ratio of the numbers of frequencies for the final noise and for the search
 
 
 class Search:
-    """Problem with its limits at frequencies, to which peaks between them are added."""
+    """Problem with its limits at discrete frequencies. Peaks between these frequencies are added when found."""
 
-    nearest: Array | None = None  # controller nearest to the limits if none keeps them
+    nearest: Array | None = None  # controller closest to the limits if none keeps them
     family: tuple[Process, ...] = ()  # plants with positive gain that must keep ms_worst
 
     def __init__(self, problem: Problem, limits: Requirements) -> None:
         self.problem, self.limits = problem, limits
-        self.active: list[int] = []  # plants of the family that the descents see
+        self.active: list[int] = []  # plants of the family that the descents consider
         time = problem.time
-        # The frequencies are dense around crossover, and dense enough for the turns of the dead time.
+        # The frequencies must be dense around crossover, and dense enough for the turns of the dead time.
         far = np.geomspace(10.0, 2.0 / np.exp(FASTEST_ON_GRID), 16)[1:]
         w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
         self.iae = problem.iae(SEARCH_HORIZON * time)
         self.fine = problem.iae(SEARCH_HORIZON * time, FINE_SAMPLES)
-        # With sampled noise the filter time must be at least the sample time.
+        # If the noise is sampled, the filter time must be at least the sample time.
         h = limits.sample_time
         self.noise = self.exact_noise = None
         if limits.noise_gain is not None and h is not None:
@@ -76,11 +76,11 @@ class Search:
         self.bounds = [(1e-6, LARGEST_GAIN)] + [(0.0, LARGEST_GAIN)] * (problem.order + 1) + [filters]
 
     def sound(self, x: Array) -> bool:
-        """Return True if the loop is stable and, with a limit of noise, also the sampled loop."""
+        """Return True if the loop is stable and, if noise is limited, the sampled loop is stable as well."""
         return is_surely_stable(self.loop(x)) and np.isfinite(self.true_noise(x))
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
-        """Return the best start at another filter time: last optimum, the same with less derivative, or first start."""
+        """Return the best start at another filter time: the last optimum, with less derivative, or the first start."""
         count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
         powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (
@@ -94,7 +94,7 @@ class Search:
         return best
 
     def log_iae(self, x: Array) -> tuple[float, Slope]:
-        """Return log IAE and the function of its gradient, or a barrier for an unstable loop."""
+        """Return log IAE and a function of its gradient, or a barrier for an unstable loop."""
         if self.problem.unstable(x):
             return BARRIER, lambda: np.zeros(x.size)
         value, slope = self.iae(x)
@@ -105,7 +105,7 @@ class Search:
         return max(0.0, -min(float(np.min(each.value(x))) for each in constraints or self.constraints()))
 
     def constraints(self) -> list[CachedValueAndSlope]:
-        """Return the slack of every limit at the present frequencies, negative if the limit is violated."""
+        """Return the slack of every limit at the present frequencies. It is negative if the limit is violated."""
         worst = {"ms": self.limits.ms_worst * (1 - SPARE)}
         functions = [self.problem.slack(self.w, self.limits.peaks(SPARE))]
         functions += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
@@ -129,7 +129,7 @@ class Search:
     ) -> tuple[float, Array, float]:
         """Run sequential quadratic programming from a start. Return value, unknowns and the largest violation.
 
-        The filter time may be held, and the gain of the highest derivative bounded.
+        The filter time may be fixed, and the gain of the highest derivative may be bounded.
         """
         from scipy.optimize import minimize
 
@@ -156,7 +156,7 @@ class Search:
                 end = np.clip(scaled.back(solution.x), low, high)
                 before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
-                # A long descent may have ended early with the curvature of its start, so it begins again from its end.
+                # A long descent may have ended early with the curvature of its start, so descend again from its end.
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
                     break
                 x = end
@@ -164,24 +164,24 @@ class Search:
         return (float(np.exp(value)), end, violation) if ok else (np.inf, start, np.inf)
 
     def loop(self, x: Array) -> Loop:
-        """Close the loop of a vector of unknowns."""
+        """Close the loop with the controller of a vector of unknowns."""
         gains, time = self.problem.controller(x)
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
     def look_at(self, peak: float, nearly: bool = False) -> None:
-        """Add frequencies around a peak, with `nearly` only if none is near."""
+        """Add frequencies around a peak. With `nearly`, add them only if no frequency is near the peak."""
         if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
             self.w = np.append(self.w, peak * AROUND)
 
     def see(self, k: int, peak: float) -> None:
-        """Add a plant of the family to the descents, or the frequencies of its peak if it is there already."""
+        """Add a plant of the family to the descents. If it is there already, add frequencies around its peak."""
         if k in self.active:
             self.look_at(peak)
         else:
             self.active.append(k)
 
     def true_noise(self, x: Array) -> float:
-        """Return the noise gain of the sampled loop, 0 without a limit and infinite for an unstable loop."""
+        """Return the noise gain of the sampled loop, 0 without a limit, or infinity for an unstable loop."""
         return 0.0 if self.exact_noise is None else self.exact_noise.gain(x)
 
 
@@ -194,12 +194,12 @@ def is_surely_stable(loop: Loop) -> bool:
 
 
 def search_in(process: Process, order: int, limits: Requirements, factor: float = 1.0) -> Search:
-    """Return a search in the unit of time that fits a process, times a factor.
+    """Return a search in a factor times the unit of time that suits a process.
 
     Parameters
     ----------
     process : Process
-        With positive gain.
+        Process with positive gain.
     order : int
         Highest derivative.
     limits : Requirements
@@ -227,21 +227,22 @@ def search_in(process: Process, order: int, limits: Requirements, factor: float 
 
 
 GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional gains, in units of the process
-INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)  # integral over proportional gain
-DERIVATIVES = (0.0, 1.0, 5.0)  # derivative over proportional gain
+INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)  # integral gain divided by proportional gain
+DERIVATIVES = (0.0, 1.0, 5.0)  # derivative gain divided by proportional gain
 FILTERS = (-4.0, -2.0, 0.0)  # logarithms of filter times
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # crossovers of the second family, in units of the process
-# crossover over the zeros, and corner of the filter over the crossover, of the second family
+# In the second family, ZEROS_BELOW is crossover divided by zeros, and FILTER_ABOVE is the filter's corner divided by
+# crossover.
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # violation at which an approach ends, slightly within the limits
+INSIDE = -1e-3  # an approach ends at this violation, slightly within the limits
 TRIED = 60  # number of candidates whose stability is checked
 STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts, and their least distance
 NEAREST = 4  # number of candidates from which the limits are approached
 
 
 def feasible_starts(search: Search) -> list[Array]:
-    """Return different candidates that keep all limits, the least IAE first, and are stable."""
+    """Return different stable candidates that keep all limits, the least IAE first."""
     constraints = search.constraints()
     kept = [x for x in _ranked(search) if search.violation(x, constraints) == 0]
     chosen: list[Array] = []
@@ -255,13 +256,13 @@ def feasible_starts(search: Search) -> list[Array]:
 
 
 def _apart(first: Array, other: Array, gains: int) -> bool:
-    """Return True if integral gain, largest action or filter differ by more than a factor."""
+    """Return True if integral gain, largest action or filter time differ by more than a factor."""
     differences = np.log([first[0] / other[0], first[:gains].max() / other[:gains].max()])
     return bool(max(np.abs(differences).max(), abs(first[gains] - other[gains])) > START_GAP)
 
 
 def approached(search: Search) -> list[Array]:
-    """Return a start that keeps all limits, from candidates that do not. Store the nearest one in the search."""
+    """Return a start that keeps all limits, from candidates that do not. Store the closest candidate in the search."""
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
         x = relax(search, start)
@@ -274,12 +275,12 @@ def approached(search: Search) -> list[Array]:
 
 
 def stabilising(search: Search) -> Iterator[Array]:
-    """Yield candidates that stabilise the process, the nearest to the limits first, of equal ones the fastest."""
+    """Yield candidates that stabilise the process. Those closest to the limits come first, then the fastest."""
     return (x for x in _ranked(search)[:TRIED] if search.sound(x))
 
 
 def _ranked(search: Search) -> list[Array]:
-    """Return candidates whose loops turn as stable ones, the nearest to the limits first, then the fastest."""
+    """Return candidates whose loops turn as stable loops. Those closest to the limits come first, then the fastest."""
     problem, constraints = search.problem, search.constraints()
     likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))
     ranked = [(search.violation(x, constraints), -x[0], x) for x in likely]
@@ -288,7 +289,7 @@ def _ranked(search: Search) -> list[Array]:
 
 
 def relax(search: Search, start: Array) -> Array:
-    """Move from a start to a point that keeps the limits, or violates them least."""
+    """Move from a start to a point that keeps the limits, or that violates them least."""
     from scipy.optimize import minimize
 
     constraints = search.constraints()
@@ -316,7 +317,7 @@ def relax(search: Search, start: Array) -> Array:
 
 
 def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:
-    """Return both families of candidates, each with every allowed filter."""
+    """Yield both families of candidates, each with every allowed filter."""
     for action, filters in _families(problem):
         for time in np.unique(np.clip(filters, fastest, slowest)):
             x = np.zeros(problem.size)

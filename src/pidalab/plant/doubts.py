@@ -1,4 +1,4 @@
-"""The table of doubts: one wording for each reservation about a record, a model, a design or a check."""
+"""Wordings of all doubts, which are reservations about a record, a model, a design or a check."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ DOUBTS = {
 
 
 def doubt(name: str, /, **values: Any) -> str:
-    """Return a doubt of the table with its values."""
+    """Return the wording of a doubt with its values filled in."""
     return DOUBTS[name].format(**values)
 
 
 def with_doubts(text: str, doubts: Iterable[str]) -> str:
-    """Return a text with its doubts, one a line."""
+    """Append doubts to a text, each on its own line."""
     return "\n".join([text, *(f"doubt: {said}" for said in doubts)])

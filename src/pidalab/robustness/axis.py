@@ -1,9 +1,9 @@
 """A loop along the frequency axis: grid, crossovers and peaks, for loops in s and in z.
 
 The grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid points, but
-the dead time turns the phase without bound. So a grid step is divided further only if two things hold: the dead time
-turns the phase quickly within the step, *and* L is large enough there, or the upper bound of a sought peak is high
-enough. Array operations then refine all crossovers, or all peaks, at once.
+the dead time turns the phase without bound. So a grid step is divided further only under two conditions. The dead time
+turns the phase quickly within the step. Also, L must be large enough there, or the upper bound of a sought peak must be
+high enough. Array operations then refine all crossovers, or all peaks, together.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pidalab._check import Array
 
 PER_DECADE = 120  # number of grid points per decade
 MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memory
-# Largest angle in rad by which the dead time turns the phase between two points: for peaks, and for phase crossovers.
+# Largest angle in rad by which the dead time turns the phase between two points, for peaks and for phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
 NEAR_POSITIVE_AXIS = 0.5
@@ -99,7 +99,7 @@ def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Arra
 
 
 def most_between(*neighbours: Any) -> Any:
-    """Return an upper bound of a smooth positive function between neighbours: maximum times maximum over minimum."""
+    """Return an upper bound of a smooth positive function between neighbours: the squared maximum over the minimum."""
     low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
     return high * np.where(low > 0, high / low, 1.0)
 
@@ -137,7 +137,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Return the place and the value of the minimum of a function between the two neighbours of each given point.
+    """Return place and value of the minimum of a function between the two neighbours of each given point.
 
     Notes
     -----
@@ -153,7 +153,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
         before, least, after = function(place + three)
         slope, bend = after - before, after - 2 * least + before
         low, high = np.where(slope < 0, place, low), np.where(slope < 0, high, place)
-        with np.errstate(divide="ignore", invalid="ignore"):  # The function may be constant.
+        with np.errstate(divide="ignore", invalid="ignore"):  # the function may be constant
             last, place = place, place - 0.5 * apart * slope / bend
         newton = (bend > 0) & (low <= place) & (place <= high)
         place = np.where(newton, place, 0.5 * (low + high))
@@ -224,12 +224,12 @@ class Axis(ABC):
     on_grid : Samples
         The loop at the frequencies of the grid.
     delay : float
-        Dead time, which turns the phase; 0 if there is none.
+        Dead time, which turns the phase. It is 0 if there is none.
     at_zero, at_end : float
         L at both ends of the axis, a real number. With dead time every phase occurs towards infinite frequency, and
         `at_end` has the worst phase.
     end : float
-        The last frequency: infinity for a continuous loop, half the sampling frequency for a sampled one.
+        The last frequency. It is infinity for a continuous loop, and half the sampling frequency for a sampled loop.
     """
 
     grid: Array
@@ -273,7 +273,7 @@ class Axis(ABC):
 
     @property
     def gain_crossovers(self) -> Array:
-        """Return all frequencies where |L| = 1, close pairs included."""
+        """Return all frequencies where |L| = 1, including close pairs."""
         return self.gain_crossings[0]
 
     def phase_crossovers(self, quietest: float) -> Array:
@@ -320,7 +320,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies around the gain crossovers at which the dead time turns L quickly, so near -1 at times."""
+        """Return frequencies around gain crossovers, where the dead time turns L quickly and brings it close to -1."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers

@@ -1,4 +1,4 @@
-"""A continuous loop along the frequency axis, evaluated by its poles and zeros."""
+"""A continuous loop as a function of frequency, evaluated from its poles and zeros."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CLEAR = 10.0  # the grid is extended until |L| is above this value or below its 
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    There is one speed for each pole, above 0. The speeds prevent overflow of the products of factors.
+    Each pole has a speed above 0. The speeds prevent overflow of the products of factors.
     """
 
     gain: float
@@ -43,7 +43,7 @@ class LoopFactors(NamedTuple):
     delay: float
 
     def fraction(self, s: Any) -> tuple[Any, Any]:
-        """Evaluate numerator and denominator of L. To prevent overflow, factors are divided by |s| plus a speed."""
+        """Evaluate numerator and denominator of L. Factors are divided by |s| plus a speed to prevent overflow."""
         flat, few = np.ravel(s), self.zeros.size
         with np.errstate(all="ignore"):
             scale = 1.0 / (np.abs(flat) + self.speeds[:, None])
@@ -124,11 +124,11 @@ class AxisInS(Axis):
         Notes
         -----
         With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. So between
-        two gain crossovers the angle of f changes by as much as the angle of D, plus the difference of the angles of
-        1 + L at the two crossovers. Where \|L\| > 1, the same holds with N and 1 + 1/L. Along a straight line, the
-        angle of each factor changes by less than half a turn, and the angle of the dead time by its product with the
-        change of frequency. So the values at the gain crossovers suffice, and the turns between them need not be
-        followed.
+        two gain crossovers the change of the angle of f is the sum of two changes. One is the change of the angle of D.
+        The other is the difference of the angles of 1 + L at the two crossovers. Where \|L\| > 1, the same holds with N
+        and 1 + 1/L. Along a straight line, the angle of each factor changes by less than half a turn. The angle of the
+        dead time changes by its product with the change of frequency. So the values at the gain crossovers suffice, and
+        the turns between them need not be followed.
         """
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope
@@ -189,7 +189,7 @@ def axis_in_s(loop: Loop) -> AxisInS:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, that is, without dead time and with a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
     """
     require_well_posed(loop)
     return unit_axis(loop)

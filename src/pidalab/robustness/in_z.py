@@ -1,4 +1,4 @@
-r"""A sampled loop along the unit circle, exact with its dead time.
+r"""A sampled loop as a function of frequency along the unit circle, with its exact dead time.
 
 Within a sample interval h, the delayed input of the plant is constant, or constant in each of two pieces (see
 `statespace`). So :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function of the plant from
@@ -72,7 +72,7 @@ class SampledPlant(NamedTuple):
 
 
 def sampled_plant(process: Process, h: float) -> SampledPlant:
-    """Discretise a process with a held input, with exact dead time."""
+    """Discretise a process with a held input and its exact dead time."""
     A, b, c, d = realise(process.num, process.den)
     if process.delay > LONGEST_DELAY * h:
         raise ValueError(

@@ -1,36 +1,37 @@
 r"""Absolute stability of a loop with a limited control signal: circle and Popov criterion with exact dead time.
 
-With constant set point and load the limited control signal :math:`u = \mathrm{sat}(u_L)` of a controller with automatic
-reset drives its own input,
+Assume constant set point and load, and a controller with automatic reset. The limited control signal
+:math:`u = \mathrm{sat}(u_L)` then drives its own input,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
 (the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback. It is part of
-G because its input is the *limited* signal. If the loop can rest at a u strictly between the limits, the deviation of u
-from there is a function of the deviation of u_L in the sector from 0 to 1. Its slope is at most 1, and it is 0 only at
-0, although it saturates for large deviations. The criterion of Popov with the multiplier :math:`\theta \ge 0` is
+G because its input is the *limited* signal. Assume that the loop can rest at a u strictly between the limits. Then the
+deviation of u from this value is a function of the deviation of u_L, and the function lies in the sector from 0 to 1.
+Its slope is at most 1. The function is 0 only at 0, although it saturates for large deviations. The criterion of Popov
+with the multiplier :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
-With θ = 0 it is the circle criterion, whose circle for this sector is the half plane left of -1. If one of them holds,
-the loop comes to rest from every initial state. The theorem makes these assumptions.
+With θ = 0 it is the circle criterion, whose circle for this sector is the half plane left of -1. If one of the criteria
+is met, the loop comes to rest from every initial state. The theorem makes these assumptions.
 
-- F is strictly proper, and its poles lie left of the imaginary axis, except one simple pole at 0 for an integrating
-  process. With this pole it is Popov's particular case. The gain 0 does not belong to the sector, since it does not
-  stabilise, and the residue is positive, so that every small gain does. In this case the theorem requires θ > 0. This
-  covers the circle criterion as well: ωG is bounded, so a positive margin permits a small θ.
-- The nonlinearity does not change with time. (The circle criterion alone would not need that.)
-- The inequality is strict, also in the limits of ω to 0 and to infinity.
-- A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
+- F is strictly proper, and its poles lie left of the imaginary axis. An integrating process may add one simple pole at
+  0, which is Popov's particular case. In this case the gain 0 does not stabilise, so it does not belong to the sector.
+  The residue must be positive, so that every small gain stabilises. The theorem also requires θ > 0. This covers the
+  circle criterion, too: ωG is bounded, so a positive margin permits a small θ.
+- The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
+- The inequality is strict, even in the limits of ω to 0 and to infinity.
+- A dead time is allowed (Popov and Halanay, 1962). Nothing is approximated.
 
 Both criteria are sufficient, not necessary. A loop that fails may still come to rest from every state.
 
-With the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \theta E(0)`, since :math:`F_r(0) = 1`. For
-the controllers of huba2024 that is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`, so without derivative the
-circle criterion never holds. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
+If F has the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \theta E(0)`, since :math:`F_r(0) = 1`.
+For the controllers of huba2024 this is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative
+action the circle criterion is never met. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
 The infimum is computed on the grid of margins. The turns of the dead time are followed wherever a value below the
-smallest known one is possible.
+smallest known value is possible.
 """
 
 from __future__ import annotations
@@ -49,14 +50,14 @@ from pidalab.robustness.axis import Samples, lowest, most_between
 from pidalab.robustness.in_s import from_factors, from_roots
 from pidalab.roots import border, roots
 
-# amount by which a value must be lower to be sought, relative to the value if that is above 1
+# A lower value is sought only if it may be lower by this amount, relative to the value if the value is above 1.
 NO_LOWER = 1e-10
-GRID_STEPS = 60  # number of grid steps that are followed at a time
+GRID_STEPS = 60  # number of grid steps that are followed together
 TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger
 LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop
-BELOW_RESET = 1 - 1e-6  # largest multiplier, as a share of the time of a reset
-MARGIN_RTOL = 1e-9  # relative improvement below which a better multiplier is not sought
-MOST_MULTIPLIERS, FURTHER = 60, 4.0  # number of multipliers tried at most; factor to the next one
+BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, as a share of the time of the reset
+MARGIN_RTOL = 1e-9  # a better multiplier is not sought if the margin can improve only by this share
+MOST_MULTIPLIERS, FURTHER = 60, 4.0  # largest number of tries, and ratio of each to the previous
 
 
 class LinearPart(NamedTuple):
@@ -67,9 +68,9 @@ class LinearPart(NamedTuple):
     forward : Process
         F, from the limited control signal through process, filter and controller, without the reset.
     zeros, poles : ndarray of complex
-        Zeros and poles of its rational part, without a pole at 0.
+        Zeros and poles of the rational part of F, without a pole at 0.
     reset_time : float
-        T_i of the reset F_r = 1/(1 + T_i s), infinite without a reset.
+        T_i of the reset F_r = 1/(1 + T_i s). It is infinite without a reset.
     """
 
     forward: Process
@@ -84,12 +85,12 @@ class LinearPart(NamedTuple):
 
     @property
     def integrates(self) -> bool:
-        """Return True if F has a pole at 0."""
+        """True if F has a pole at 0."""
         return bool(self.forward.den[-1] == 0)
 
     @property
     def gain(self) -> float:
-        """Return the ratio of the leading coefficients of F."""
+        """Ratio of the leading coefficients of F."""
         return float(self.forward.num[0] / self.forward.den[0])
 
 
@@ -101,9 +102,9 @@ class Criterion(NamedTuple):
     margin : float
         Infimum of Re[1 + (1 + jωθ) G(jω)], accurate to nine digits.
     frequency : float
-        Frequency of the infimum, in rad per time unit. 0 or infinite if it is only approached there.
+        Frequency of the infimum, in rad per time unit. It is 0 or infinite if the infimum is only approached there.
     multiplier : float
-        θ, a time; 0 for the circle criterion.
+        θ, which has the unit of time. It is 0 for the circle criterion.
     """
 
     margin: float
@@ -112,7 +113,7 @@ class Criterion(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Return True if the margin is certainly positive."""
+        """True if the margin is certainly positive."""
         return self.margin > TOLERANCE
 
 
@@ -125,18 +126,18 @@ def linear_part(loop: Loop) -> LinearPart:
     Parameters
     ----------
     loop : Loop
-        The loop. Its prefilter has no influence, nor have the limits of its controller.
+        The loop. Its prefilter and the limits of its controller have no influence.
 
     Returns
     -------
     LinearPart
-        G, to be called with complex s.
+        G, which can be called with complex s.
 
     Raises
     ------
     ValueError
-        If F is not strictly proper, has poles on or right of the imaginary axis other than a simple one at 0, or has a
-        pole at 0 with a residue that is not positive.
+        If F is not strictly proper, has a pole on or right of the imaginary axis other than a simple pole at 0, or has
+        a pole at 0 whose residue is not positive.
 
     Examples
     --------
@@ -150,7 +151,7 @@ def linear_part(loop: Loop) -> LinearPart:
     reset = loop.automatic_reset
     if reset is None:
         ti, controller = math.inf, loop.blocks["controller"]
-    else:  # Without the reset this is the stabilising controller.
+    else:  # without the reset this is the stabilising controller
         ti, controller = reset.time, (reset.stabiliser, binomial(reset.filter_time, reset.filter_order))
     num, den, zeros, poles = np.ones(1), np.ones(1), [], []
     for own_num, own_den in (controller, loop.blocks["process"], loop.blocks["output_filter"]):
@@ -189,12 +190,12 @@ def circle(loop: Loop) -> Criterion:
     Returns
     -------
     Criterion
-        With the multiplier 0.
+        Criterion with the multiplier 0.
 
     Raises
     ------
     ValueError
-        For a loop to which the criterion does not apply.
+        If the criterion does not apply to the loop.
     ArithmeticError
         If there are too many turns of the phase to follow.
 
@@ -211,11 +212,12 @@ def circle(loop: Loop) -> Criterion:
 
 
 def popov(loop: Loop) -> Criterion:
-    r"""Evaluate the Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 of the largest margin.
+    r"""Evaluate the Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 that gives the largest margin.
 
-    The margin is the infimum of functions that are linear in θ, one for each frequency. The frequencies found so far
-    give an upper bound. The next infimum is computed at the θ of the largest bound, until it reaches the bound. With a
-    reset θ must be below T_i. Without one it is searched up to 1000 times the slowest time constant of the loop.
+    At each frequency the function is linear in θ, and the margin is the infimum of these functions. The frequencies
+    found so far give an upper bound. The next infimum is computed at the θ at which this bound is largest, until the
+    infimum reaches the bound. With a reset, θ must be below T_i. Without a reset, θ is searched up to 1000 times the
+    slowest time constant of the loop.
 
     Parameters
     ----------
@@ -225,12 +227,12 @@ def popov(loop: Loop) -> Criterion:
     Returns
     -------
     Criterion
-        Its multiplier is 0 if no other is better, which is the circle criterion.
+        Criterion whose multiplier is 0, as in the circle criterion, if no other multiplier is better.
 
     Raises
     ------
     ValueError
-        For a loop to which the criterion does not apply.
+        If the criterion does not apply to the loop.
     ArithmeticError
         If there are too many turns of the phase to follow.
 
@@ -257,20 +259,20 @@ def popov(loop: Loop) -> Criterion:
         bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
-        # Large multipliers need many turns of the phase, so they are increased step by step.
+        # Large multipliers require many turns of the phase, so increase the multiplier step by step.
         reach = max(slowest, FURTHER * max(each.multiplier for each in tried))
         theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
 
 def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
-    """Return the place between 0 and `most` where the minimum of some lines (value at 0 and slope) is largest."""
+    """Return where the minimum of some lines is largest, between 0 and `most`. A line is (value at 0, slope)."""
     start, slope = np.transpose(lines)
     with np.errstate(divide="ignore", invalid="ignore"):
         meet = np.subtract.outer(start, start) / -np.subtract.outer(slope, slope)
     places = np.unique(np.append([0.0, most], meet[(meet > 0) & (meet < most)]))
     least = np.min(start + np.outer(places, slope), axis=1)
-    k = int(np.argmax(least))  # of equal ones the smallest multiplier
+    k = int(np.argmax(least))  # the smallest multiplier if several are equal
     return float(places[k]), float(least[k])
 
 
@@ -282,34 +284,34 @@ def smallest_filter_time(
 ) -> float:
     """Return the shortest filter time down to which a property holds, for a family of loops.
 
-    The family decides what else changes with the filter. The gains may stay, or be computed again for a total dead time
-    that contains that of the filter. From `longest` the filter time is reduced by a tenth until the property fails for
-    the first time. Bisection then finds the border.
+    The family determines what else changes with the filter time. The gains may stay the same. Or they may be computed
+    again for a total dead time that includes that of the filter. From `longest` the filter time is reduced by a tenth
+    until the property fails for the first time. Bisection then finds the border.
 
     Parameters
     ----------
     family : callable
-        Returns a loop for the time constant of its filter.
+        Function of a filter time that returns a loop.
     holds : callable
-        Returns True if a loop has the property, such as ``lambda loop: circle(loop).holds`` or `pidalab.is_stable`.
+        Function that returns True if a loop has the property, such as ``lambda loop: circle(loop).holds``.
     longest : float
         First filter time, above 0. The property must hold there.
     shortest : float, optional
-        Last filter time, by default a thousandth of `longest`.
+        Last filter time. By default a thousandth of `longest`.
 
     Returns
     -------
     float
-        The border, to 6 digits, on the side where the criterion holds; 0 if it holds down to `shortest`.
+        The border to 6 digits, on the side on which the property holds. 0 if it holds down to `shortest`.
 
     Raises
     ------
     ValueError
-        If the property does not hold at `longest`, and for times out of order.
+        If the property does not hold at `longest`, or if the times are out of order.
 
     Examples
     --------
-    The gains stay, tuned for T_e = 0.8. How far may the filter be made shorter?
+    The gains are tuned for T_e = 0.8 and stay the same. How short may the filter time become?
 
     >>> import dataclasses, pidalab
     >>> from pidalab import robustness
@@ -341,7 +343,7 @@ def smallest_filter_time(
 
 
 def ends(part: LinearPart, theta: float) -> tuple[float, float]:
-    """Return the limits of Re[1 + (1 + jωθ) G] at zero and infinite frequency, with dead time the lower limit there."""
+    """Return the limits of Re[1 + (1 + jωθ) G] at zero and infinite frequency. With dead time, return lower limits."""
     forward = part.forward
     den = forward.den[:-1] if part.integrates else forward.den
     (n1, n0), (d1, d0) = (np.append([0.0, 0.0], p)[-2:] for p in (forward.num, den))
@@ -364,14 +366,15 @@ def _reset(part: LinearPart, w: Any, theta: float) -> Any:
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and its frequency, 0 or inf if it is only approached there.
 
-    F must be strictly proper, without poles on the axis except one at 0.
+    F must be strictly proper. It must have no poles on the axis, except one at 0.
 
     Notes
     -----
     The dead time turns only (1 + jωθ) F(jω). Its turns are followed wherever its modulus permits a value below the
-    smallest known one. With a pole of F at 0 its real part would be a small difference of large numbers at low
-    frequencies. With F = E/s the real part is Im E/ω, and E has no such pole.
+    smallest known value. If F has a pole at 0, the real part of F would be a small difference of large numbers at low
+    frequencies. With F = E/s the real part equals Im E/ω, and E has no such pole.
     """
+    # If F has a pole at 0, use the factors of E = s F.
     # With a pole at 0 these are the factors of E = s F.
     axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))
 
@@ -415,7 +418,7 @@ def line(part: LinearPart, w: float) -> tuple[float, float]:
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag
-    # At infinite ω the limit of the function for θ = 0 equals the value of the line.
+        # At the ends of the axis, two values determine the line.
     one, two = (ends(part, theta)[int(w > 0)] for theta in (1.0, 2.0))
     return 2 * one - two, two - one
 

@@ -17,9 +17,10 @@ from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable, is_stable
 
-# With dead time, phase crossovers are sought where |L| is larger than this, and at smaller |L| if none has |L| < 1.
+# With dead time, phase crossovers are listed where |L| is larger than this. If none of these has |L| < 1, smaller |L|
+# are included.
 QUIETEST = 0.1
-QUIETEST_GIVEN = 0.1  # In the search for a gain, the turns of the dead time are followed where |L| is larger.
+QUIETEST_GIVEN = 0.1  # in the search for a gain, the turns of the dead time are followed where |L| is larger
 FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this share of the highest frequency
 AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies that are added around a peak, relative to the peak
 MS_RTOL = 1e-6  # largest share by which Ms may exceed the required Ms before the last step
@@ -98,7 +99,7 @@ class Margins:
 
 
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
-    """Return the maximum sensitivity Ms and its frequency, also for an unstable loop.
+    """Return the maximum sensitivity Ms and its frequency, even for an unstable loop.
 
     For a loop with a `DigitalController`, Ms is computed at the samples, as in `margins`.
 
@@ -116,7 +117,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
 
     Examples
     --------
@@ -129,7 +130,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
 
 
 def ms_or_infinite(loop: Loop) -> float:
-    """Return the maximum sensitivity. Return infinity for an unstable loop."""
+    """Return the maximum sensitivity, or infinity for an unstable loop."""
     return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 
@@ -150,7 +151,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
 
     Examples
     --------
@@ -162,12 +163,12 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # At zero frequency, C S is 1/P with integral action. Without it, the grid already has the value.
+    # At zero frequency, C S is 1/P with integral action. Without integral action, the grid already contains the value.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
         at_zero = abs(1 / static) if static else math.inf
-    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant at infinite frequency.
+    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant at infinite frequency
         at_end = abs(loop.transfer("u", "n", 1j * axis.grid[-1]))
     return axis.supremum(SENSITIVITY, at_zero, float(at_end), controller.modulus)
 
@@ -206,7 +207,7 @@ def bandwidth(loop: Loop) -> float:
     Returns
     -------
     float
-        Bandwidth in rad per time unit, inf if \|T\| never falls by 3 dB.
+        Bandwidth in rad per time unit. It is inf if \|T\| never falls by 3 dB.
 
     Raises
     ------
@@ -248,8 +249,7 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     loop : Loop
         The loop.
     quietest : float, optional
-        A continuous loop with dead time has infinitely many phase crossovers. Those with \\|L\\| below `quietest` are
-        left out.
+        Least \\|L\\| of a returned crossover. (A continuous loop with dead time has infinitely many phase crossovers.)
 
     Returns
     -------
@@ -287,7 +287,7 @@ def margins(loop: Loop) -> Margins:
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
 
     Examples
     --------
@@ -327,7 +327,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers, the same places with both ends of the axis, and -L at these places, at least 0."""
+    """Return phase crossovers, these and both ends of the axis, and -L (at least 0) at the latter places."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -340,7 +340,7 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
         if not unstable:
             raise
         return np.zeros(0), np.zeros(1), np.full(1, math.nan)
-    # L is real at the ends of the axis. An end where L is negative is a phase crossover, too.
+    # L is real at the ends of the axis. An end at which L is negative is also a phase crossover.
     places = np.concatenate([[0.0], wpc, [axis.end]])
     return wpc, places, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])
 
@@ -351,7 +351,7 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
 def gain_for_ms(loop: Loop, ms: float) -> float:
     r"""Return the factor of the controller's gain with which the loop is stable and has the maximum sensitivity `ms`.
 
-    If there are several such factors, return the largest at which Ms is reached from below.
+    If there are several such factors, return the largest for which smaller factors give a smaller Ms.
 
     Parameters
     ----------
@@ -369,9 +369,9 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     Raises
     ------
     TypeError
-        For a loop with a digital controller.
+        If the controller is digital.
     ValueError
-        If `ms` is not above 1, or no factor gives a stable loop that reaches this Ms from below.
+        If `ms` is not above 1, or if no factor gives a stable loop that reaches this Ms from below.
 
     Examples
     --------
@@ -391,7 +391,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     def stable(k: float) -> bool:
         try:
             return count_unstable(axis.scaled(k)) == 0
-        except ArithmeticError:  # If the phase turns too often, the loop is far from stable.
+        except ArithmeticError:  # if the phase turns too often, the loop is far from stable
             return False
 
     # L is real at the ends of the axis. It is not 0 at infinite frequency if process and controller are biproper.

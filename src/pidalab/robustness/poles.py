@@ -1,4 +1,4 @@
-"""Stability of loops with exact dead time: number of unstable poles by the argument principle, and rightmost poles."""
+"""Stability of loops with exact dead time: the number of unstable poles, and the rightmost poles."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pidalab.robustness.axis import Axis
 from pidalab.robustness.in_s import LoopFactors, from_factors, from_roots, loop_factors
 from pidalab.robustness.in_z import axis_of
 
-MOST_NODES = 512  # nodes of the collocation over the dead time
+MOST_NODES = 512  # largest number of nodes of the collocation over the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
-CLUSTER = 8  # number of additional poles that are returned at most, so that no cluster is split
-# Poles of a smaller modulus, in 1/dead time, are first found without dead time, since with it they are lost in
-# rounding.
+CLUSTER = 8  # largest number of additional poles that are returned so that no cluster is split
+# Poles of a smaller modulus, in 1/dead time, are first computed without dead time, since rounding would hide them in
+# the computation with dead time.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps
@@ -29,8 +29,8 @@ SOLVED = 1e-6  # largest residual, or last step relative to the pole, of an acce
 def unstable_poles(loop: Loop) -> float:
     """Return the number of closed-loop poles in the closed right half-plane, by the argument principle.
 
-    The dead time is exact. With a `DigitalController` it is the number on or outside the unit circle.
-    The characteristic function D(s) + N(s) e^{-s delay} is not reduced, so a cancelled unstable pole counts.
+    The dead time is exact. With a `DigitalController`, poles on or outside the unit circle are counted. The
+    characteristic function D(s) + N(s) e^{-s delay} is not reduced, so a cancelled unstable pole counts.
 
     Parameters
     ----------
@@ -40,13 +40,13 @@ def unstable_poles(loop: Loop) -> float:
     Returns
     -------
     int or float
-        The number; ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency, which has infinitely many
-        poles on or to the right of the axis (or arbitrarily near it).
+        The number. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop has
+        infinitely many poles on or right of the axis, or arbitrarily near it.
 
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
     ArithmeticError
         If a root is too close to the contour for the argument to be followed.
 
@@ -66,7 +66,7 @@ def count_unstable(axis: Axis) -> float:
     if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
     slowest = axis.grid[0]
-    # A contour that is tilted to the left includes the roots on the axis. The last one also passes 0 at a distance.
+    # A contour that is tilted to the left includes roots on the axis. The last contour also keeps a distance from 0.
     for slope, shift in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
         count = axis.encirclements(slope, shift)
         if count is not None:
@@ -102,8 +102,8 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     """Return the closed-loop poles with the largest real parts, with exact dead time.
 
     A loop with dead time has infinitely many poles. They are approximated by collocation at Chebyshev points of the
-    dead time and refined by Newton's method on the characteristic function. The argument principle proves that none
-    further right is missing.
+    dead time, and refined by Newton's method on the characteristic function. The argument principle proves that no
+    pole further right is missing.
 
     Parameters
     ----------
@@ -115,17 +115,17 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     Returns
     -------
     ndarray of complex
-        Poles in 1/time by falling real part, multiple ones repeated. A pole of multiplicity k has only 1/k of the
+        Poles in 1/time by falling real part. Multiple poles are repeated. A pole of multiplicity k has only 1/k of the
         digits.
 
     Raises
     ------
     ValueError
-        For a loop with fewer poles, and for an ill-posed one.
+        If the loop has fewer poles or is ill-posed.
     ArithmeticError
-        If the argument principle does not confirm them: they lie too close to their neighbours or to the infinite
-        chain of a neutral loop, decay by more than e^20 in a dead time, or belong to frequencies of hundreds of rad per
-        dead time.
+        If the argument principle does not confirm the poles. They may be too close to their neighbours, or to the
+        infinite chain of poles of a neutral loop. They may also decay by more than e^20 in a dead time, or belong to
+        frequencies of hundreds of rad per dead time.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     delay, nodes = loop.process.delay, 32
     loop, factors = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(from_factors(factors).at_end))  # The poles of a neutral loop approach this line.
+        chain = np.log(abs(from_factors(factors).at_end))  # poles of a neutral loop approach this line
     while nodes <= MOST_NODES:
         poles = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, poles.size) + 1):
@@ -169,22 +169,22 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     """Return the poles of a loop without dead time by falling real part, and bounds of their errors.
 
     With many equal lags the coefficients of the characteristic polynomial lose digits. If its roots do not solve the
-    factored equation, Aberth's method refines them. It may fail for a cluster, as around the poles of a fast filter.
-    Then a true pole lies within n Newton steps of each approximate one.
+    factored equation, Aberth's method refines them. The method may fail for a cluster, such as the poles near a fast
+    filter. A true pole then lies within n Newton steps of each approximate pole.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
         return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
     s = np.roots(
         np.polyadd(num, den)
-    )  # The first approximation, which may scatter where `roots` would raise an error.
+    )  # a first approximation; its roots may scatter where `roots` would raise an error
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, factors)
             solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
                 np.abs(step) <= SOLVED * np.abs(s)
             )
-            # A zero on a pole of L is a pole of the loop. L is 0/0 there.
+            # A zero of L that equals a pole of L is a pole of the loop, although L is 0/0 there.
             cancelled = np.isin(s, factors.zeros) & np.isin(s, factors.poles)
             off = np.where(solved | cancelled | (s == 0), 0.0, s.size * np.abs(step))
             if not np.any(off):
@@ -198,7 +198,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
 def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
     """Return L, and the step of Newton's method on D + N, from the factors."""
     from_zeros, from_poles = s[:, None] - factors.zeros, s[:, None] - factors.poles
-    # The factors are combined one by one, since their products may overflow.
+    # Combine the factors one by one, since their products may overflow.
     pairs = min(factors.zeros.size, factors.poles.size)
     value = factors.gain * np.prod(from_zeros[:, :pairs] / from_poles[:, :pairs], axis=1)
     value = value / np.prod(from_poles[:, pairs:], axis=1)
@@ -207,7 +207,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if the argument principle counts as many poles as the first `last` right of a line behind them."""
+    """Return True if the argument principle counts `last` poles right of a line just left of the first `last` poles."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
@@ -240,8 +240,8 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     order = len(den) - 1
     direct = num[0] / den[0] if len(num) == len(den) else 0.0
     c = np.append(np.zeros(len(den) - len(num)), num)[1:] / den[0] - direct * den[1:] / den[0]
-    # The signal in the dead time is a travelling wave. Sampled at Chebyshev points it is a linear system without delay,
-    # whose eigenvalues approximate those of the loop, the slow ones with the fewest points.
+    # The signal in the dead time is a travelling wave. Sampled at Chebyshev points, it becomes a linear system without
+    # delay. Its eigenvalues approximate the poles of the loop. Slow poles need the fewest points.
     A = np.eye(order, k=-1)
     A[:1] = -den[1:] / den[0]
     k = np.arange(nodes + 1)
@@ -251,7 +251,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     D = (D - np.diag(D.sum(axis=1))) * 2
     generator = np.zeros((order + nodes, order + nodes))
     generator[:order, :order] = A
-    generator[:order, -1] = -np.eye(1, order)  # The input is minus the output of the loop one dead time ago.
+    generator[:order, -1] = -np.eye(1, order)  # the input is minus the output of the loop one dead time ago
     generator[order:, order:] = D[1:, 1:]
     generator[order:, :order] = np.outer(D[1:, 0], c)
     generator[order:, -1] -= direct * D[1:, 0]
@@ -260,7 +260,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
-    """Refine poles by Newton's method on the characteristic function, and drop those that do not solve it."""
+    """Refine poles by Newton's method on the characteristic function. Drop poles that do not solve it."""
     num, den = open_loop(loop)
     slope_num, slope_den = np.polyder(num), np.polyder(den)
     start = best = s = approximate[approximate.real > -FARTHEST]
@@ -278,7 +278,7 @@ def _polished(loop: Loop, approximate: Any) -> Any:
         still = np.abs(step) <= 1e-9 * np.abs(s)
         is_near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
-        # In a cluster it diverges when value and slope are only rounding.
+        # In a cluster the method diverges when value and slope are only rounding.
         s = np.where(is_near & (np.abs(value) <= 10 * least), s, best)
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
@@ -286,7 +286,7 @@ def _polished(loop: Loop, approximate: Any) -> Any:
 
 
 def _sorted(poles: Any) -> Any:
-    """Sort poles by falling real part, with pairs together, the one above the axis first."""
+    """Sort poles by falling real part. Keep pairs together, with the pole above the axis first."""
     return poles[_order(poles)]
 
 
@@ -298,7 +298,7 @@ def _order(poles: Any) -> Any:
 
 
 def _whole_pairs(poles: Array, count: int) -> int:
-    """Return the smallest number from count on that does not split a complex pair."""
+    """Return the smallest number, at least `count`, that does not split a complex pair."""
     if count >= poles.size:
         return poles.size
     last, following = poles[count - 1], poles[count]

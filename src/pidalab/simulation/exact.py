@@ -40,13 +40,13 @@ from pidalab.signals import REFINEMENT, apply_to_finer
 from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
 from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
-# A response is checked if the dead time, or t without dead time, spans more than this number of time constants of the
-# fastest state, since digits may then cancel.
+# A response is checked if the dead time spans more than this number of time constants of the fastest state, since
+# digits may then cancel. Without dead time, the whole response must not span more.
 CHECKED_FROM = 3e3
 # Units of time and u for the second response. The other units are used if the first two responses do not decide.
 OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # least number of time steps for which two responses are compared
-DENSE = 10_000  # before a response is refused, its size is computed at this number of times or more
+DENSE = 10_000  # before a response is refused, its size is computed at no fewer than this number of times
 # Allowed difference of two responses, relative to the largest value of the signal. Nine digits are promised.
 AGREEMENT = 1e-10
 # If the difference of two responses is smaller, no third response is needed, since equal errors are unlikely.
@@ -59,7 +59,7 @@ KICK_DURATION = 60.0  # a kick lasts this number of time constants of a fast sta
 KICK_UNRESOLVED = 1e5
 
 
-# For each loop, the inputs and grids for which the response has been found exact enough.
+# The inputs and grids of each loop for which the response has been found exact enough.
 AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary()
 
 
@@ -195,7 +195,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     t : ndarray, shape (n,)
         Uniform times from 0. At a jump, the value just after the jump is returned.
     inputs : str
-        Inputs that step, each in a simulation of its own: letters out of "r", "d", "n".
+        Inputs that step, as letters out of "r", "d", "n". Each is simulated separately.
 
     Returns
     -------
@@ -205,8 +205,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, if the response of an unstable loop overflows, or if a loop with \\|L\\| near 1 or
-        above at infinite frequency is simulated over too many dead times, because its response depends on all of them.
+        If the loop is ill-posed, or if the response of an unstable loop overflows. Also if \\|L\\| is near 1 or above
+        at infinite frequency and the times span too many dead times, because the response depends on all of them.
 
     Examples
     --------
@@ -226,7 +226,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
 def simulate(
     loop: Loop, t: ArrayLike, setpoint: ArrayLike = 0.0, *, load: ArrayLike = 0.0, noise: ArrayLike = 0.0
 ) -> Response:
-    """Simulate a linear loop exactly, dead time included.
+    """Simulate a linear loop exactly, including its dead time.
 
     The loop is at rest before t = 0. There is no Padé approximation and no interpolation. The values are those of the
     continuous-time loop at the requested times, which need not be aligned with the dead time.
@@ -238,7 +238,7 @@ def simulate(
     t : array_like, shape (n,)
         Uniform times that start at 0.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        A number is a step at t = 0; an array is held from each sample to the next.
+        A number is a step at t = 0. An array is held from each sample to the next.
 
     Returns
     -------
@@ -248,8 +248,8 @@ def simulate(
     Raises
     ------
     ValueError
-        If the times are not uniform from 0, a signal has another length or contains NaN, the loop is ill-posed, or the
-        control signal exceeds the limits of the controller, since saturation is not simulated here.
+        If the times are not uniform from 0, a signal has another length or contains NaN, or the loop is ill-posed. Also
+        if the control signal exceeds the limits of the controller, since saturation is not simulated here.
 
     Examples
     --------
@@ -267,7 +267,7 @@ def simulate(
 def simulate_ensemble(
     loop: Loop, t: ArrayLike, noise: ArrayLike, *, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
 ) -> list[Response]:
-    """Simulate an experiment with several records of noise, in little more time than with one record.
+    """Simulate an experiment with several records of noise. This takes little more time than a single record.
 
     Parameters
     ----------
@@ -355,8 +355,8 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve
 
-    # The rounding errors of an FFT convolution are relative to its largest value. A growing response is damped before
-    # the convolution and restored afterwards, so that they are relative to the largest value up to each time.
+    # The rounding errors of an FFT convolution are relative to its largest value. So a growing response is damped
+    # before the convolution and restored afterwards. Its errors are then relative to the largest value so far.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
     middle = (t.size - 1) // 2
     rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
@@ -393,7 +393,7 @@ def step_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        As `simulate` with ``setpoint=1.0``.
+        Response, as from `simulate` with ``setpoint=1.0``.
 
     Examples
     --------
@@ -417,7 +417,7 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        As `simulate` with ``load=1.0``.
+        Response, as from `simulate` with ``load=1.0``.
 
     Examples
     --------
@@ -429,12 +429,12 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
 
 
 def open_loop_step(process: Process, t: ArrayLike) -> Response:
-    """Simulate a step experiment for identification: the input steps from 0 to 1, without feedback.
+    """Simulate a step experiment for identification, in which the input steps from 0 to 1 without feedback.
 
     Parameters
     ----------
     process : Process
-        The process. A controller, a number or a system of python-control is accepted, too.
+        The process. A controller, a number or a system of python-control is also accepted.
     t : array_like, shape (n,)
         Uniform times that start at 0.
 
@@ -464,7 +464,7 @@ def _as_input(final: float | None, record: Response) -> Response:
 
 
 SETTLING_POINTS = 4001
-HORIZON_DOUBLINGS = 13  # so a loop that is ten thousand times slower than expected still settles
+HORIZON_DOUBLINGS = 13  # with so many doublings even a loop ten thousand times slower than expected settles
 
 
 def simulate_until_settled(
@@ -479,8 +479,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. The end is doubled until the error has decayed. Ends up to twice the dead
-        time are skipped, since the loop has not reacted by then.
+        End of the first simulation, above 0. It is doubled until the error has decayed. Ends up to twice the dead time
+        are skipped, since the loop has not reacted by then.
 
     Returns
     -------
@@ -490,7 +490,7 @@ def simulate_until_settled(
     Raises
     ------
     ValueError
-        If the horizon is not above 0, or if the response does not settle, or only after too many dead times.
+        If the horizon is not above 0, or if the response does not settle or needs too many dead times to settle.
 
     Examples
     --------
@@ -535,7 +535,7 @@ def load_iae(loop: Loop) -> float:
     Raises
     ------
     ValueError
-        As `simulate_until_settled`.
+        As for `simulate_until_settled`.
 
     Examples
     --------

@@ -12,16 +12,16 @@ only. So the youngest m new states depend on the youngest m + R - 1 old states. 
 The computation begins with the number of ages that the outputs read, and each power that is still to be applied adds
 its reach less 1. No stack goes back beyond t = 0, because all earlier states are 0. So truncation adds no error.
 
-*Error bound.* When one power is applied r times, the length of the stack is not computed from r times its reach. The
-binary digits of r select higher powers with the same product, and the length is computed from the reaches of the higher
-powers. The sum of these reaches is smaller, because each power drops its last coefficients when it is formed, namely
-those below `DROPPED` times its largest coefficient. A stack of this length lacks only the contribution of the dropped
-coefficients to its oldest states. Outputs ignore the ages that they read by less than the same share. The total error
-is at most the product of `DROPPED`, the number of powers, the largest coefficient of a power, the gain of the other
-powers and the largest old state, in the balanced units of the states. This bound is far below rounding unless
-coefficients or states are 1e10 times as large as the requested values. In that case rounding destroys the digits first,
-and `checked_responses` detects the loss. `checked_responses` does not detect truncation, since responses in other units
-are truncated equally.
+*Error bound.* If one power is applied r times, the length of the stack is not computed from r times its reach. The
+binary digits of r select higher powers with the same product, and the length is computed from the reaches of these. The
+sum of these reaches is smaller, because each power drops its last coefficients when it is formed, namely those below
+`DROPPED` times its largest coefficient. A stack of this length lacks only the contribution of the dropped coefficients
+to its oldest states. Outputs also ignore the ages that they read by less than the same share. The total error is at
+most the product of five numbers, in the balanced units of the states. These are `DROPPED`, the number of powers, the
+largest coefficient of a power, the gain of the other powers, and the largest old state. This bound is far below
+rounding unless coefficients or states are 1e10 times as large as the requested values. In that case rounding destroys
+the digits first, and `checked_responses` detects the loss. `checked_responses` does not detect truncation, since
+responses in other units are truncated equally.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from pidalab.simulation.stacks import (
     summed,
 )
 
-MAX_STACK = 4000  # largest number of elements in a stack; a longer stack takes too long
+MAX_STACK = 4000  # largest number of elements in a stack; a longer stack would be too slow
 MAX_WORK = 4e9  # largest number of multiplications, which take a few seconds
 MAX_ANCHORS = 1e7  # largest number of stored state variables, over all multiples of the dead time
-LONGEST_RUN = 8  # at most 2**8 requested times are usually read from one stack
-# Number of the lowest powers that one Taylor series replaces when a stack is advanced. The series takes less time than
-# three powers. Its terms are at most e^4 times the states, so that rounding costs less than two digits.
+LONGEST_RUN = 8  # usually at most 2**8 requested times are read from one stack
+# One Taylor series replaces this number of the lowest powers when a stack is advanced. The series takes less time than
+# three powers. Its terms are at most e^4 times the states, so rounding costs less than two digits.
 SERIES = 3
 # Number of multiples of the dead time for which derivatives are stored, in addition to those that a stack reads.
 KEPT_INTERVALS = 64

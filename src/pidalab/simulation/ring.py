@@ -31,7 +31,7 @@ TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 tim
 
 
 def _add_row_by_row(out, factors, rows, first, column):
-    """Plain form of `add_rows`."""
+    """Do the same as `add_rows`, without compilation."""
     for i in range(factors.size):
         out += factors[i] * rows[first + i, column : column + out.size]
 
@@ -40,14 +40,14 @@ def _add_row_by_row(out, factors, rows, first, column):
 def add_rows(out, factors, rows, first, column):
     """Add factors @ rows[first:, column:] to a row, for all elements of the row.
 
-    Each pass adds four rows, left to right. The sums are the same as if row after row were added, but with a quarter of
-    the memory traffic.
+    Each pass adds four rows from left to right. The sums are the same as with single rows, but need a quarter of the
+    memory traffic.
     """
     size, fours = out.size, factors.size - factors.size % 4
     for i in range(0, fours, 4):
         p, q, r, s = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
         k = first + i
-        # Views begin at index 0. With an offset, compiled code would test the sign of each index.
+        # Use views, which begin at index 0. With an offset, compiled code would test the sign of each index.
         a, b, c, d = rows[k, column:], rows[k + 1, column:], rows[k + 2, column:], rows[k + 3, column:]
         for j in range(size):
             out[j] = out[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
@@ -70,8 +70,8 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 def add_product(out, place, factors, column, count, rows, first):
     """Add factors @ rows to some columns of an array.
 
-    `place` holds the first of these columns and their number. `column` and `count` select columns of the factors, and
-    `first` is the first of the rows. Sums are formed as in `add_rows`, for two rows of factors at a time.
+    `place` contains the first of these columns and their number. `column` and `count` select columns of the factors,
+    and `first` is the first of the rows. Sums are formed as in `add_rows`, for two rows of factors at a time.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -95,7 +95,7 @@ def add_product(out, place, factors, column, count, rows, first):
 
 
 def _column_sizes_of_array(block):
-    """Plain form of `column_sizes`."""
+    """Do the same as `column_sizes`, without compilation."""
     return np.fmax.reduce(np.abs(block), axis=0, initial=0.0)
 
 
@@ -139,7 +139,7 @@ def add(out, element):
 
 @compiled
 def shortened(element, share):
-    """Drop the last coefficients of a ring element, as long as they are at most a share of its largest."""
+    """Drop the last coefficients of a ring element that are at most a share of its largest coefficient."""
     order, width = element.shape
     size = sizes(element)
     least = share * largest(size)
@@ -203,10 +203,10 @@ def taylor(tau, most, A, B, Cv, D):
 
 @compiled
 def _width(first, second, most):
-    """Return a number of columns for a product, before the product is formed. All further columns would be dropped.
+    """Estimate the number of columns of a product before the product is formed. All further columns would be dropped.
 
-    No number in a product of coefficients exceeds the order times the largest number of both factors. The share is
-    taken of the first coefficient of the product, which is computed here and is at most the largest coefficient.
+    No number in a product of coefficients exceeds the order times the largest numbers of both factors. The share refers
+    to the first coefficient of the product, which is computed here and is at most the largest coefficient.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
