@@ -1,8 +1,8 @@
-"""Compare the exact engine with other methods for loops with dead time.
+"""Compare the exact simulation with other methods for loops with dead time.
 
-Four loops of huba2018, from stable and stiff to unstable; every method with several settings. The results go to
-book/data/engine_comparison.csv. Times are CPU times of one thread and vary from machine to machine, so compare the
-ratios. They exclude the set-up, the compilation for JiTCDDE.
+Four loops of huba2018 are used, from stable and stiff to unstable, and every method has several settings. The results
+are written to book/data/engine_comparison.csv. Times are CPU times of one thread. They vary between machines, so
+compare the ratios. The set-up is not included, such as the compilation for JiTCDDE.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from benchmarks import peers
 from benchmarks.measure import case_loop, duration, error, limit, median_time, oracle_cases, write
 
 LOOPS = [(1, 2, 0.005), (2, 4, 0.2), (4, 6, 0.5), (2, 3, 0.02)]  # m, n, T_e; the last one is unstable
-HORIZON = 20.0  # in dead times; the unstable response stays below 1e8
-CAP = 30  # seconds of CPU time for one row
+HORIZON = 20.0  # in dead times; up to this time the unstable response stays below 1e8
+CAP = 30  # largest CPU time for one row, in seconds
 RESULTS = "engine_comparison"  # name of the table in book/data
 COLUMNS = (
     "m",
@@ -47,19 +47,19 @@ METHODS: dict[str, tuple[Peer, str, tuple]] = {
 
 
 def case_of(m: int, n: int, te: float) -> dict:
-    """Return the oracle's case: an integrator with unit gain and dead time under the rule's controller."""
+    """Return the oracle's case: an integrator of unit gain with dead time, and the controller of the rule."""
     model = {"gain": 1.0, "delay": 1.0}
     design = {"m": m, "n": n, "te": te, "cancelled": m + 1}
     return next(c for c in oracle_cases("mrdp_loops.json") if c["model"] == model and c["design"] == design)
 
 
 def measured(peer: Peer, loop: pidalab.Loop, setting: object, case: dict) -> dict:
-    """Return one row of results, the median of several runs, or a single run if it takes seconds."""
+    """Return one row of results. Times are medians of several runs, or of one run if it takes seconds."""
     row = dict.fromkeys(COLUMNS, "")
     try:
         with limit(CAP), warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # the error shows the failure
-            start = time.perf_counter()  # a compiler is another process
+            warnings.simplefilter("ignore")  # the computed error shows a failure
+            start = time.perf_counter()  # use wall time, since a compiler runs in another process
             task = peer(loop, HORIZON, setting)
             row["setup_seconds"] = time.perf_counter() - start
             seconds, (t, y) = duration(task)

@@ -1,6 +1,6 @@
 """Measure responses and margins of a few loops, and the effect of horizon, dead time and order on time.
 
-Every function returns rows of the table that the book reads. `value` is the varied quantity.
+Every function returns rows of the table that the book reads. The column `value` is the varied quantity.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ METHODS: dict[str, tuple[Callable[..., peers.Task], object]] = {
     "Runge–Kutta 4, numba": (peers.runge_kutta, None),
     "JiTCDDE": (peers.jitcdde, 1e-7),
 }
-DELAYS = 20  # horizon of a response
-EACH = (25, 100, 500)  # points in a dead time
+DELAYS = 20  # horizon of a response, in dead times
+EACH = (25, 100, 500)  # numbers of points in a dead time
 LOOPS = ("third_order_pida", "ten_states", "twelve_states", "ipdt_pida_stable")
 CAP = 30  # seconds of CPU time for one task
-HORIZONS = (5, 10, 20, 50, 100, 200, 500)  # dead times
+HORIZONS = (5, 10, 20, 50, 100, 200, 500)  # in dead times
 DEAD_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 FILTER = 0.1  # time constant of the filter of second order
-FINE = 16  # steps of the reference in one of the comparison
+FINE = 16  # steps of the reference in one step of the comparison
 
 
 def cases() -> dict[str, dict]:
@@ -70,7 +70,7 @@ def all_methods(
 
 
 def responses() -> Rows:
-    """Set-point steps of loops of the oracle, over the number of points."""
+    """Return rows of set-point steps of the oracle's loops, for several numbers of points."""
     for name in LOOPS:
         case = cases()[name]
         loop = case_loop(case)
@@ -81,9 +81,9 @@ def responses() -> Rows:
 
 
 def true_margins(loop: pidalab.Loop) -> np.ndarray:
-    """Return gain margin, phase margin in degrees and Ms, to 30 digits but for the last rounding.
+    """Compute gain margin, phase margin in degrees and Ms to 30 digits, then round them.
 
-    The crossings start from pidalab's frequencies. Other tests check that none is missed.
+    The search for crossings starts from pidalab's frequencies. Other tests check that no crossing is missed.
     """
     near = pidalab.margins(loop)
     with mpmath.workdps(30):
@@ -105,7 +105,7 @@ def true_margins(loop: pidalab.Loop) -> np.ndarray:
 
 
 def margins() -> Rows:
-    """Return rows of gain margin, phase margin and Ms. For python-control Ms is one over the least distance from -1."""
+    """Return rows of gain margin, phase margin and Ms. With python-control, Ms is 1 divided by the distance from -1."""
     for name in LOOPS:
         loop = case_loop(cases()[name])
         tasks: dict[str, Callable[[], object]] = {"pidalab": lambda loop=loop: pidalab.margins(again(loop))}
@@ -121,7 +121,7 @@ def margins() -> Rows:
 
 
 def three(method: str, found: object) -> np.ndarray:
-    """Return gain margin, phase margin and Ms of what a method returns."""
+    """Extract gain margin, phase margin and Ms from the result of a method."""
     if method == "pidalab":
         return np.array([found.gm, found.pm, found.ms])
     gm, pm, distance = found[:3]
@@ -129,7 +129,7 @@ def three(method: str, found: object) -> np.ndarray:
 
 
 def family(order: int, delay: float) -> pidalab.Loop:
-    """Return lags of 1, 0.8, 0.64 … and dead time under SIMC's PI controller, which a filter makes strictly proper."""
+    """Return lags 1, 0.8, 0.64 … and dead time with SIMC's PI controller and a filter that makes it strictly proper."""
     lags = reduce(np.polymul, ([0.8**k, 1.0] for k in range(order)))
     plant = pidalab.Process([1.0], lags, delay)
     pi = classical.simc(plant, "PI").controller
@@ -143,7 +143,7 @@ def extrapolated(loop: pidalab.Loop, horizon: float, each: int) -> np.ndarray:
 
 
 def scaling() -> Rows:
-    """Return rows of the response over a longer horizon, with another dead time, of a higher order."""
+    """Return rows of responses with a longer horizon, with another dead time, and of a higher order."""
     plans = [("horizon", x, family(3, 1.0), float(x), 100) for x in HORIZONS]
     plans += [("dead time", x, family(3, x), 60.0, round(100 * x)) for x in DEAD_TIMES]
     plans += [("order", x, family(x, 1.0), 20.0, 100) for x in ORDERS]

@@ -1,6 +1,6 @@
 """Measure durations and errors, limit the time of a task, and write the tables that the book reads.
 
-Errors are against the high-precision oracles of the tests where there is one for the loop.
+If the tests have a high-precision oracle for a loop, errors are computed from its values.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def oracle_cases(name: str) -> list[dict]:
 
 
 def case_loop(case: dict) -> pidalab.Loop:
-    """Return the loop of a case, with exactly the coefficients of the file."""
+    """Return the loop of a case, with exactly the coefficients in the file."""
 
     def block(name: str) -> control.TransferFunction | None:
         return control.tf(case[name]["num"], case[name]["den"]) if case[name] else None
@@ -55,7 +55,7 @@ def again(loop: pidalab.Loop) -> pidalab.Loop:
 def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
     """Return the CPU time of a run in seconds, and its result.
 
-    With one thread that is elapsed time without the time of other processes.
+    With one thread this is the elapsed time without the time of other processes.
     """
     start = time.process_time()
     for _ in range(runs):
@@ -66,7 +66,8 @@ def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
 def median_time(task: Callable[[], object], repeats: int = 5) -> float:
     """Return the median duration after warm-up runs.
 
-    Each of the repeats is as many runs as take a tenth of a second, since some clocks tick only every few milliseconds.
+    Each repetition consists of as many runs as take a tenth of a second, since some clocks tick only every few
+    milliseconds.
     """
     runs = 1
     while (once := duration(task, runs)[0]) * runs < 0.02:
@@ -76,9 +77,9 @@ def median_time(task: Callable[[], object], repeats: int = 5) -> float:
 
 
 def clocked(task: Callable[[], T], repeats: int = 3) -> tuple[float, float, T]:
-    """Return elapsed time and CPU time of all threads of the fastest run, and the result.
+    """Return elapsed time and CPU time (of all threads) of the fastest run, and the result.
 
-    Use it for tasks on all processors. The fastest of several runs is the one with the least disturbance.
+    Use it for tasks on all processors. Other processes disturb the fastest of several runs least.
     """
     runs = []
     for _ in range(repeats):
@@ -90,7 +91,7 @@ def clocked(task: Callable[[], T], repeats: int = 3) -> tuple[float, float, T]:
 
 @contextmanager
 def limit(seconds: int) -> Iterator[None]:
-    """Raise TimeoutError once the block has taken so many seconds of CPU time."""
+    """Raise TimeoutError when the block has taken this CPU time in seconds."""
     over = f"stopped after {seconds} s"
     fired = False
 
@@ -104,7 +105,7 @@ def limit(seconds: int) -> Iterator[None]:
     try:
         yield
     except Exception as reason:
-        if fired:  # Compiled code may have turned it into another exception.
+        if fired:  # compiled code may have replaced the exception by another
             raise TimeoutError(over) from reason
         raise
     finally:
@@ -113,9 +114,9 @@ def limit(seconds: int) -> Iterator[None]:
 
 
 def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
-    """Return the largest error at those oracle times that lie on the uniform grid t.
+    """Return the largest error at those times of the oracle that lie on the uniform grid t.
 
-    It is relative to max(1, |y|), for a response that grows to the largest |y| so far. Where y is not a number the
+    The error is relative to max(1, |y|). For a response that grows, |y| is its largest value so far. If y is NaN, the
     error is infinite.
     """
     exact = np.array([float(text) for text in case["values"]["setpoint"]["y"]])
@@ -130,8 +131,8 @@ def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
 
 
 def machine() -> str:
-    """Return Python, the packages that take part, the processors, and how many processes wanted them."""
-    told = Path("/proc/cpuinfo")  # other systems have no such readable name
+    """Describe Python, the packages, the processors, and the load of the machine."""
+    told = Path("/proc/cpuinfo")  # other systems have no such file
     found = re.search(
         r"^model name\s*: (.*)$",
         told.read_text(encoding="utf-8") if told.exists() else "",
@@ -150,7 +151,7 @@ def machine() -> str:
 
 
 def write(name: str, columns: Iterable[str], rows: Iterable[dict]) -> None:
-    """Write a table that the book reads: the machine in a comment above it, three digits of each number."""
+    """Write a table that the book reads, with three digits for each number and the machine in a comment above it."""
     with (DATA / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         file.write(f"# Made by `make bench` with {machine()}\n")
         writer = csv.DictWriter(file, columns, lineterminator="\n")

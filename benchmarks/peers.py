@@ -1,15 +1,15 @@
-r"""Other methods to simulate a loop with dead time, one function for each.
+r"""Other methods to simulate a loop with dead time, with one function for each method.
 
-Each function takes a loop, a horizon and a setting (an order, steps per dead time, or a tolerance), does all
-preparations, and returns a task without arguments. The task, which is timed, computes the response y to a unit step of
-the set point and returns it with its times.
+Each function takes a loop, a horizon and a setting (an order, steps per dead time, or a tolerance). It does all
+preparations, and returns a task without arguments. The task computes the response y to a unit step of the set point,
+and returns times and y. Only the task is timed.
 
-All but Padé solve the same delay differential equation: the states of prefilter, controller and process, with
+All methods except Padé solve the same delay differential equation for the states of prefilter, controller and process,
 
 .. math:: \dot x = A x + b\,v(t - h) + e, \qquad v = c_v x, \qquad y = c_y x, \qquad x(t) = 0 \text{ for } t \le 0,
 
-where e is the effect of the set point. It is derived here from the transfer functions, independently of the states of
-the exact engine.
+where e is the effect of the set point. The equation is derived here from the transfer functions, independently of the
+states of the exact simulation.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ import pidalab
 Array = NDArray[np.float64]
 Task = Callable[[], tuple[Array, Array]]
 
-GRID = 500  # points per dead time for methods that compute at arbitrary times
+GRID = 500  # points per dead time, for methods that can compute at any time
 
 
 class DelayEquation(NamedTuple):
@@ -70,7 +70,7 @@ def delay_equation(loop: pidalab.Loop) -> DelayEquation:
 
 
 def _states(num: Array, den: Array) -> tuple[Array, Array, Array, float]:
-    """Realise num/den with states of similar size, the first of which is the output (less its direct share)."""
+    """Realise num/den with states of similar size. The first state is the output minus its direct part."""
     A, B, C, D = tf2ss(num, den)
     _, (scale, _) = matrix_balance(A.T, permute=False, separate=True)
     scale /= scale[0]
@@ -83,13 +83,13 @@ def grid(loop: pidalab.Loop, horizon: float, per_delay: int = GRID) -> Array:
 
 
 def exact(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: int = GRID) -> Task:
-    """Return pidalab's engine, which has no setting."""
+    """Return the task of pidalab's exact simulation, which has no setting."""
     t = grid(loop, horizon, per_delay)
     return lambda: (t, pidalab.step_response(loop, t).y)
 
 
 def pade(loop: pidalab.Loop, horizon: float, order: int, per_delay: int = GRID) -> Task:
-    """Return python-control with a Padé approximation of the dead time, in state space throughout."""
+    """Return the task of python-control with a Padé approximation of the dead time, in state space throughout."""
     t, closed = grid(loop, horizon, per_delay), control.feedback(pade_chain(loop, order), 1)
     closed *= _system(*loop.blocks["prefilter"])
     return lambda: (t, control.step_response(closed, t).outputs)
@@ -98,7 +98,7 @@ def pade(loop: pidalab.Loop, horizon: float, order: int, per_delay: int = GRID) 
 def pade_chain(loop: pidalab.Loop, order: int) -> control.StateSpace:
     """Return the open loop of `pade`.
 
-    The states are balanced, since those of python-control overflow for a Padé approximation of order 20.
+    The states are balanced, since the states of python-control overflow for a Padé approximation of order 20.
     """
     blocks = [loop.blocks[name] for name in ("process", "output_filter", "controller")]
     return reduce(mul, (_system(*ratio) for ratio in (control.pade(loop.process.delay, order), *blocks)))
@@ -110,7 +110,7 @@ def _system(num: Array, den: Array) -> control.StateSpace:
 
 
 def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return the fixed-step method of first order that holds v(t - h) over each step and is exact otherwise."""
+    """Return the task of a first-order method that holds v(t - h) over each step and is exact otherwise."""
     equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
 
     def task() -> tuple[Array, Array]:
@@ -126,10 +126,10 @@ def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
 
 
 def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return the classical Runge–Kutta method of fourth order, compiled.
+    """Return the task of the classical fourth-order Runge–Kutta method, compiled.
 
-    The dead time is a multiple of the step, so that no kink lies inside a step. In the middle of a step the past comes
-    from the cubic Hermite interpolant. The loop is linear, so a step is a matrix, which is computed once.
+    The dead time is a multiple of the step, so no kink lies inside a step. In the middle of a step, the delayed values
+    are interpolated by cubic Hermite polynomials. The loop is linear, so a step is a matrix, which is computed once.
     """
     equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
 
@@ -146,7 +146,7 @@ def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
 
 
 def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Array, last: Array) -> Array:
-    """Take one step of x' = A x + forcing, given at the start, in the middle and at the end of the step."""
+    """Take one step of x' = A x + forcing. The forcing is given at the start, in the middle and at the end."""
     k1 = A @ x + first
     k2 = A @ (x + step / 2 * k1) + middle
     k3 = A @ (x + step / 2 * k2) + middle
@@ -157,7 +157,7 @@ def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Arr
 def _march(
     equation: DelayEquation, R: Array, shares: Array, constant: Array, each: int, points: int
 ) -> Array:
-    """Go through all steps x -> R x + shares of the past at start, middle and end + constant. Return y."""
+    """Take all steps x -> R x + shares of the delayed values at start, middle and end + constant. Return y."""
     A, b, e, c_v, c_y, delay = equation
     slope = (c_v @ A, c_v @ b, c_v @ e)  # slope of v, for the interpolant
     return march(R, shares, constant, c_v, c_y, slope, delay / each, each, points)
@@ -172,7 +172,7 @@ def march(R, shares, constant, c_v, c_y, slope, step, each, points):  # pragma: 
     v, dv = np.zeros(points), np.zeros(points)
     dv[0] = start
     for k in range(1, points):
-        p, q = k - 1 - each, k - each  # the past at both ends of the step
+        p, q = k - 1 - each, k - each  # indices of the delayed values at both ends of the step
         if p >= 0:
             first, last = v[p], v[q]
             middle = (first + last) / 2 + step / 8 * (dv[p] - dv[q])
@@ -195,12 +195,12 @@ def march(R, shares, constant, c_v, c_y, slope, step, each, points):  # pragma: 
 def jitcdde(
     loop: pidalab.Loop, horizon: float, tolerance: float, per_delay: int = GRID, output: bool = True
 ) -> Task:
-    """Return JiTCDDE, compiled: adaptive Bogacki–Shampine steps with cubic Hermite interpolation of the past.
+    """Return the task of JiTCDDE, compiled, with adaptive Bogacki–Shampine steps and cubic Hermite interpolation.
 
-    Its manual offers several ways around the kinks that a step sends through the loop; two are used here.
-    `adjust_diff` makes the first derivative right (over so short a time that it changes nothing else), and
-    `step_on_discontinuities` puts a step on the first dead time. Until then y is 0. Without output only the last value
-    is requested, which saves most of the time with 10,001 points at low accuracy.
+    A step of the set point causes kinks that travel round the loop. The manual of JiTCDDE offers several ways to handle
+    them, of which two are used here. `adjust_diff` corrects the first derivative (over so short a time that nothing
+    else changes). `step_on_discontinuities` puts a step on the first dead time, up to which y is 0. Without `output`
+    only the last value is requested. This saves most of the time with 10,001 points at low accuracy.
     """
     from jitcdde import jitcdde, t, y
 
@@ -215,7 +215,7 @@ def jitcdde(
     solver = jitcdde(right, verbose=False, automatic_anchor_helpers=True, delays=[0.0, delay])
     with tempfile.TemporaryDirectory() as elsewhere, contextlib.chdir(elsewhere):
         try:
-            # It runs in another folder, since it would read the project's pyproject.toml.
+            # Compile in another folder, since the solver would read the project's pyproject.toml.
             solver.compile_C(simplify=False)
         except SystemExit as reason:
             raise OSError("not compiled; install a C compiler") from reason
@@ -235,9 +235,9 @@ def jitcdde(
 
 
 def ddeint(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return ddeint, SciPy's VODE from each requested point to the next with linear interpolation of the past.
+    """Return the task of ddeint, which is SciPy's VODE between requested points, with linear interpolation of the past.
 
-    Version 0.3 returns the state of the last point as the present state, so it is of first order, like Euler's method.
+    Version 0.3 uses the state of the last point as the present state, so its order is 1, as that of Euler's method.
     """
     from ddeint import ddeint
 

@@ -1,9 +1,10 @@
-"""Compare a portrait of 10,000 loops with 60,000 samples each with a plain loop over python-control.
+"""Compare a portrait of 10,000 loops with 60,000 samples each with a loop over single simulations by python-control.
 
-The loops are those around huba2024, eq. (25): load steps on an integrator with dead time, T_s = 0.001, Fig. 3. The
-table has elapsed and CPU times of the portrait on all processors, and with one and two workers. python-control
-integrates a few of the same sets one after the other, in continuous time with a Padé approximation of the dead time.
-Its time for all of them is extrapolated. The results go to book/data/portrait_comparison.csv.
+The loops are those near huba2024, eq. (25). They are load steps on an integrator with dead time, T_s = 0.001, as in the
+paper's Fig. 3. The table contains elapsed and CPU times of the portrait on all processors, and with one and two
+workers. python-control integrates a few of the same sets one after the other, in continuous time with a Padé
+approximation of the dead time. Its time for all sets is extrapolated. The results are written to
+book/data/portrait_comparison.csv.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from benchmarks.measure import clocked, write
 from pidalab import Loop, SeriesPIDA
 
 AROUND = {"kp": 0.17 / 1.8, "kd": 0.45, "ka": 0.1157 * 1.8, "ti": 0.36 * 1.8}  # T_d = 1.8
-SPREAD, EACH = 0.2, 10  # shares of the values above; values of each parameter
+SPREAD, EACH = 0.2, 10  # relative range around the values above, and number of values of each parameter
 FEW = (0, 5555, 9999)
 PADE = 5
 LIMITS = (-1.1, 0.1)
@@ -32,7 +33,7 @@ COLUMNS = ("method", "sets", "seconds", "cpu_seconds", "seconds_for_all", "ratio
 
 
 def grid() -> dict[str, np.ndarray]:
-    """Return the parameters as an open grid."""
+    """Return the parameters as arrays that broadcast to the grid."""
     values = (middle * np.linspace(1 - SPREAD, 1 + SPREAD, EACH) for middle in AROUND.values())
     return dict(zip(AROUND, np.ix_(*values), strict=True))
 
@@ -44,7 +45,7 @@ def one_set(index: int) -> SeriesPIDA:
 
 
 def plain_system(own: SeriesPIDA, delay: float) -> control.NonlinearIOSystem:
-    """Return the closed loop for python-control with input d and states of filter, reset, dead time and output."""
+    """Return the closed loop for python-control, with input d and states of filter, reset, dead time and output."""
     pade = control.tf2ss(*control.pade(delay, PADE))
     A, b, c, d = (np.asarray(x) for x in (pade.A, pade.B[:, 0], pade.C[0], pade.D[0, 0]))
     n, low, high = own.filter_order, *own.limits
@@ -75,7 +76,7 @@ def plain(own: SeriesPIDA, t: np.ndarray) -> pidalab.Response:
 
 
 def main() -> None:
-    """Time and compare, print and write."""
+    """Measure times, compare the results, print them and write them."""
     pidalab.portrait(LOOP, {}, T[:100], load=1.0)  # compiles
     sets = EACH**4
     clock, cpu, portrait = clocked(lambda: pidalab.portrait(LOOP, grid(), T, load=1.0))

@@ -1,7 +1,7 @@
 """Compare times and errors of pidalab with those of other libraries, and write tables to book/data.
 
-Times are medians of several runs, as CPU times of one thread unless a row is about all processors. Since machines
-differ, quote the ratios. ``python -m benchmarks.run`` takes about six minutes on an idle machine.
+Times are medians of several runs. They are CPU times of one thread, unless a row is about all processors. Since
+machines differ, quote the ratios. ``python -m benchmarks.run`` takes about six minutes on an idle machine.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from studies.optimal_check import BANDS, HIGH, LOW, MEMBERS, MS, PLANTS, Judge
 RESULTS = "speed_comparison"  # name of the table in book/data
 
 
-# The optimal controller is compared with SciPy's differential evolution on the same problem, which evaluates
-# controllers by pidalab's responses and poles.
+# The optimal controller is compared with SciPy's differential evolution on the same problem. The latter evaluates
+# controllers with pidalab's responses and poles.
 NAMES = ("lags3", "fopdt_balanced", "ipdt")
 ORDERS = (0, 1, 2)
 EQUAL = 1.01
@@ -31,7 +31,7 @@ SEED = 1
 
 
 def evolution(judge: Judge, goal: float) -> tuple[float, float]:
-    """Return CPU time and least IAE of a search that ends at the goal or after a time limit."""
+    """Return CPU time and least IAE of a search that ends at the goal or at a time limit."""
     bounds = [*zip(LOW[: judge.order + 2], HIGH[: judge.order + 2], strict=True), (BANDS[0], BANDS[-1])]
     kept, best = NonlinearConstraint(judge.peaks, 0.0, 1.0), np.inf
     start = time.process_time()
@@ -45,7 +45,7 @@ def evolution(judge: Judge, goal: float) -> tuple[float, float]:
 
     with warnings.catch_warnings(
         action="ignore", category=UserWarning
-    ):  # warns if no member keeps the limits yet
+    ):  # differential evolution warns if no member keeps the limits yet
         differential_evolution(
             judge.error, bounds, constraints=kept, popsize=MEMBERS, maxiter=10**6, init="sobol",
             polish=False, tol=0.0, rng=SEED, callback=done,
@@ -54,7 +54,7 @@ def evolution(judge: Judge, goal: float) -> tuple[float, float]:
 
 
 def optima() -> Iterator[dict]:
-    """Return time and IAE of both. The error of the second is the excess of its IAE."""
+    """Yield time and IAE of both methods. The error of the second is the excess of its IAE."""
     for name in NAMES:
         process, mks = PLANTS[name]
         for order in ORDERS:
@@ -89,7 +89,7 @@ def shown(rows: Iterable[dict]) -> Iterator[dict]:
 
 
 def main() -> None:
-    """Compare, print and write."""
+    """Run all comparisons, print the results and write them."""
     parts = (loops.responses, loops.margins, loops.scaling, optima)
     write(RESULTS, loops.COLUMNS, [row for part in parts for row in shown(part())])
     dead_time.main()

@@ -1,14 +1,14 @@
 """Evaluate every rule of the library on the 134 processes of Åström and Hägglund, as published and at equal terms.
 
-Three tables of the package, which `pidalab.benchmark` reads too, each resumed where it stopped:
+The study writes three tables of the package, which `pidalab.benchmark` also reads. Each is resumed where it stopped:
 
-* ``processes.csv``: the plants and those of the frontier, their ultimate gain and period, normalised dead time and
+* ``processes.csv``: the plants and those of the frontier, with ultimate gain and period, normalised dead time and
   roll-off;
-* ``comparison.csv``: a row for each plant, rule and terms; a rule that does not apply is a row with its message;
+* ``comparison.csv``: a row for each plant, rule and terms; if a rule does not apply, its row contains the message;
 * ``optima.csv``: the best PI, PID and PIDA of each plant at the same terms.
 
-``python studies/comparison.py rules optima --workers 2``; without names all three. On one core the rules take a quarter
-of an hour, the optima half an hour.
+Run ``python studies/comparison.py rules optima --workers 2``. Without names it computes all three. On one core the
+rules take a quarter of an hour and the optima half an hour.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads do not help with small matrices
 
 import numpy as np
 from frontier import PLANTS, mapped
@@ -35,7 +35,7 @@ from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.rules.models import StartingModels
 
-FASTER = 2.0  # another Ms, for the optima alone
+FASTER = 2.0  # a second Ms, used only for the optima
 PROCESS = (
     "plant",
     "family",
@@ -84,7 +84,7 @@ def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]
 
 
 def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
-    """Return rows of every rule on one plant, as published and at equal terms, also on changed plants."""
+    """Return the rows of every rule on one plant, as published and at equal terms, with results on changed plants."""
     own = noise_scale(process)
     rows: list[dict[str, Any]] = []
     for rule, kind, make in designs(
@@ -122,7 +122,7 @@ def optima_rows(name: str, ms: float, process: Process) -> list[dict[str, Any]]:
 
 def main(tables: list[str], workers: int | None) -> None:
     """Continue the tables."""
-    cases = list(batch())[::-1]  # those with hardly a lag take longest, and are the first of the batch
+    cases = list(batch())[::-1]  # the first plants of the batch, with hardly a lag, take longest
     if "processes" in tables:
         plants = [(case.name, case.family, case.process) for case in cases[::-1]]
         plants += [(name, "frontier", process) for name, process in PLANTS.items()]

@@ -1,12 +1,12 @@
-"""Compute the frontier, the least IAE over the limit of noise, for PI, PID, PIDA and a further derivative.
+"""Compute the least IAE as a function of the limit of noise (the frontier), for PI, PID, PIDA and a higher derivative.
 
-Two tables in book/data, each resumed where it stopped, in the units of `own_units`:
+The study writes two tables in book/data, in the units of `own_units`. Each is resumed where it stopped:
 
 * ``frontier.csv``: thirteen plants of all kinds, orders 0 to 3;
 * ``acceleration_map.csv``: PID and PIDA on second-order plants of three dampings and on three equal lags, all
   with dead time.
 
-``python studies/frontier.py frontier map --workers 2``; without names both. ``--ms 2`` for another limit of robustness.
+Run ``python studies/frontier.py frontier map --workers 2``. Without names it computes both. ``--ms 2`` sets another Ms.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import argparse
 import os
 from typing import Any
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads do not help with small matrices
 
 import numpy as np
 from own_units import COLUMNS, optimum, resume
@@ -42,7 +42,7 @@ PLANTS: dict[str, Process] = {
     "inverse response": Process([-1.0, 1.0], pidalab.lags(3).den),
 }
 DAMPINGS = (0.4, 1.0, 2.0)
-DELAYS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # over the time constant of the pair
+DELAYS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # divided by the time constant of the pair
 
 
 def over_noise(

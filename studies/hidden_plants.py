@@ -1,6 +1,6 @@
-"""Find the best controllers of the hidden plants, and write the plants where the page reads them (two minutes).
+"""Find the best controllers of the hidden plants, and write the file that the page reads. This takes two minutes.
 
-The page does not show the models. So the file is scrambled against accidental reading, which is no protection.
+The page does not show the models, so the file is scrambled against accidental reading. This is no protection.
 """
 
 import json
@@ -17,7 +17,7 @@ KEY = b"step first, then look"
 
 
 def lags(gain: float, *times: float, delay: float, zero: float = 0.0) -> pidalab.Process:
-    """Return a plant of real lags, and a zero."""
+    """Return a plant of real lags and a zero."""
     den = np.ones(1)
     for time in times:
         den = np.convolve(den, [time, 1.0])
@@ -39,7 +39,7 @@ PLANTS = {
 
 
 def written(process: pidalab.Process) -> dict[str, object]:
-    """Return the plant, its best controller under the limits, and the error with it."""
+    """Return the plant, its best controller within the limits, and the error with this controller."""
     scale = pidalab.noise_scale(process)
     best = optimal.load(process, 2, ms=MS, noise_gain=NOISE * scale.gain, sample_time=scale.sample_time)
     ki, kp, kd, ka = (float(f"{gain:.6g}") for gain in best.controller.coefficients)
@@ -54,7 +54,7 @@ def written(process: pidalab.Process) -> dict[str, object]:
 
 
 def scrambled(plant: dict[str, object]) -> str:
-    """Return scrambled text."""
+    """Scramble the data of a plant."""
     data = json.dumps(plant).encode()
     return bytes(byte ^ KEY[k % len(KEY)] for k, byte in enumerate(data)).hex()
 

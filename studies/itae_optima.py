@@ -1,20 +1,22 @@
 """Find ITAE-optimal controllers for second-order models with dead time, and fit rules of `pidalab.rules` to them.
 
-For models of gain 1 and time constant 1 it finds, by simplex search with the exact engine,
+The search is a simplex search with the exact simulation. For models of gain 1 and time constant 1 it finds
 
 * the PIDA controller of least ITAE, for set-point steps, for load steps, and for load steps with Ms up to 2;
 * for each of these models the best pair of factors f_d, f_a in the rule of heo2023;
-* the PID and PIDA controllers for the models of its Figure 1, the PID also with a nearly ideal derivative;
-* the best pair of factors by IAE, ITAE and their sum, which tells the integral that its Table 1 was fitted to.
+* the PID and PIDA controllers for the models of the paper's Fig. 1, the PID also with a nearly ideal derivative;
+* the best pair of factors by IAE, by ITAE and by their sum, which shows the integral to which its Table 1 was fitted.
 
-It writes the first three to book/data/itae_optima.csv and the last to book/data/itae_factors.csv. Then it prints the
-constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors`. That takes many hours on
-one core. With models as ``damping,ratio`` it prints their optima only: ``python studies/itae_optima.py 1,0.5 0.3,2``.
+The script writes the first three to book/data/itae_optima.csv and the last to book/data/itae_factors.csv. Then it
+prints the constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors`. This takes
+many hours on one core. If models are given as ``damping,ratio``, it prints only their optima:
+``python studies/itae_optima.py 1,0.5 0.3,2``.
 
-The stored optima of the fit and the validation come from the same search on a faster simulation of the same loops. It
-agrees with the exact engine to 1e-4 (for seven loads with long tails to 2e-3); every stored ITAE was computed with the
-exact engine. Searches with this script for six of them met the stored parameters within 0.3 %. The constants were
-fitted in the same way, those of the factors on tables of ITAE over f_d and f_a. A full run may change last digits.
+The stored optima of the fit and the validation were found by the same search with a faster simulation of these loops.
+This simulation agrees with the exact one to 1e-4 (to 2e-3 for seven loads with long tails). Every stored ITAE was
+computed with the exact simulation. Searches with this script for six of the optima agreed with the stored parameters
+within 0.3 %. The constants were fitted in the same way. Those of the factors were fitted to tables of ITAE as a
+function of f_d and f_a. A full run may change last digits.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads do not help with small matrices
 
 import numpy as np
 from scipy.optimize import minimize
@@ -58,13 +60,13 @@ VALIDATION = [
 ]
 FIGURE = [(xi, r) for xi in (0.5, 1.0) for r in (0.25, 0.5, 1.0)]
 TABLE = [(xi, r) for xi in (0.3, 0.5, 0.75, 1.0) for r in (0.12, 0.25, 0.5, 0.79, 1.2, 1.6, 2.0)]
-BOUND = 2.0  # on Ms, for loads
+BOUND = 2.0  # largest Ms for loads
 SHARP = 0.002  # α_d of a nearly ideal derivative
 TASKS = (("setpoint", math.inf), ("load", math.inf), ("load", BOUND))
 RUNS = {"setpoint": pidalab.step_response, "load": pidalab.load_response}
 RULES = {"setpoint": (direct.setpoint, itae.pida_setpoint), "load": (direct.load, itae.pida_load)}
 
-MEASURES = {  # "mixed" is ITAE with the step at t = 1 and time from 0
+MEASURES = {  # "mixed" is ITAE for a step at t = 1, with time counted from 0
     "IAE": lambda run: run.iae(),
     "ITAE": lambda run: run.itae(),
     "mixed": lambda run: run.itae(origin=-1.0),
@@ -74,15 +76,15 @@ Plant = tuple[float, float]
 
 
 def unit(plant: Plant) -> pidalab.Process:
-    """Return the model of damping and ratio, gain and time constant 1."""
+    """Return the model with this damping and ratio, with gain and time constant 1."""
     return pidalab.sopdt(1.0, 1.0, *plant)
 
 
 def value(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, end: float = 100.0) -> float:
-    """Return the ITAE of a unit step; infinite for an unstable loop.
+    """Return the ITAE of a unit step, which is infinite for an unstable loop.
 
-    Twice the horizon changes the value of a stored optimum by less than 2e-5 (of one load by 1.3e-4), half the step by
-    less than 6e-5.
+    Doubling the horizon changes the value of a stored optimum by less than 2e-5 (for one load by 1.3e-4). Halving the
+    step changes it by less than 6e-5.
     """
     loop = pidalab.Loop(unit(plant), controller)
     if not pidalab.is_stable(loop):
@@ -99,7 +101,7 @@ def excess(plant: Plant, controller: pidalab.NonInteractivePIDA, bound: float) -
 
 
 def penalised(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, bound: float) -> float:
-    """Return the logarithm of ITAE plus a steep penalty above the bound on Ms."""
+    """Return the logarithm of ITAE, plus a steep penalty if Ms is above the bound."""
     cost = value(plant, controller, kind)
     return math.log(cost) + 20 * excess(plant, controller, bound) if cost < math.inf else 1e3
 
@@ -107,7 +109,7 @@ def penalised(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, b
 def search(
     cost: Callable[[np.ndarray], float], start: Sequence[float] | np.ndarray, size: float, tolerance: float
 ) -> np.ndarray:
-    """Minimise by simplex search, restarted with smaller simplices until there is no improvement."""
+    """Minimise by simplex search. Restart with smaller simplices until there is no improvement."""
     x, best = np.array(start, dtype=float), math.inf
     for scale in (size, size / 3, size / 9):
         simplex = np.vstack([x, x + scale * np.eye(x.size)])
@@ -122,7 +124,7 @@ def search(
 
 
 def optimum(plant: Plant, kind: str, bound: float) -> pidalab.NonInteractivePIDA:
-    """Return the best PIDA controller from the better of two starts, the direct rules for both kinds of steps."""
+    """Return the best PIDA controller, searched from the better of two starts: the direct rules for both steps."""
     starts = [rule(unit(plant)) for rule, _ in RULES.values()]
     first = min(starts, key=lambda c: penalised(plant, c, kind, bound))
     x = [math.log(v) for v in (first.kc, first.tau_i, first.tau_d, first.tau_a)]
@@ -136,14 +138,14 @@ def optimum(plant: Plant, kind: str, bound: float) -> pidalab.NonInteractivePIDA
 
 
 def best_factors(plant: Plant, kind: str, bound: float) -> itae.Factors:
-    """Return the best pair of factors of heo2023 for one plant, from the best of a few starts."""
+    """Return the best pair of factors of heo2023 for one plant, searched from the best of a few starts."""
     _, rule = RULES[kind]
 
     def cost(pair: np.ndarray) -> float:
         f_d, f_a = (float(v) for v in pair)
         r = plant[1]
         changed = r * (1 - f_d) / (1 + 0.5 * r * f_d) if f_d > -2 / r else math.inf
-        if f_d > 0.95 or f_a < 0.02 or changed > 4.5:  # Table 3 has a pole near 5.1
+        if f_d > 0.95 or f_a < 0.02 or changed > 4.5:  # a formula of Table 3 has a pole near 5.1
             return 1e3
         return penalised(plant, rule(unit(plant), factors=(f_d, f_a)), kind, bound)
 
@@ -153,7 +155,7 @@ def best_factors(plant: Plant, kind: str, bound: float) -> itae.Factors:
 
 
 def optimal_pid(plant: Plant, alpha_d: float = 0.05) -> pidalab.NonInteractivePIDA:
-    """Return the best PID controller for set-point steps, from ITAE-2."""
+    """Return the best PID controller for set-point steps, searched from the ITAE-2 rule."""
 
     def controller(x: np.ndarray) -> pidalab.NonInteractivePIDA:
         return pidalab.NonInteractivePIDA(*np.exp(x), 0.0, alpha_d)
@@ -164,7 +166,7 @@ def optimal_pid(plant: Plant, alpha_d: float = 0.05) -> pidalab.NonInteractivePI
 
 
 def table_factors(plant: Plant, measure: Callable[[pidalab.Response], float]) -> itae.Factors:
-    """Return the best pair of factors for set-point steps by a measure of the response, from Table 1."""
+    """Return the pair of factors that minimises a measure of set-point steps, searched from Table 1."""
 
     def cost(pair: np.ndarray) -> float:
         f_d, f_a = (float(v) for v in pair)
@@ -181,7 +183,7 @@ def table_factors(plant: Plant, measure: Callable[[pidalab.Response], float]) ->
 
 
 def setpoint_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Return `direct.setpoint` with other constants: gain, lead, and correction for the derivative filter."""
+    """Evaluate `direct.setpoint` with other constants: gain, lead, and correction for the derivative filter."""
     xi, r = plant
     gain, lead, off = constants
     b = lead * r - off * (0.05 / (2 * xi)) ** 2 / r
@@ -189,27 +191,27 @@ def setpoint_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractive
 
 
 def load_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Return `direct.load` with other constants: each gain is 1, ratio * damping and ratio**2, weighted."""
+    """Evaluate `direct.load` with other constants. Each gain is a weighted sum of 1, ratio * damping and ratio**2."""
     xi, r = plant
     return with_gains(constants.reshape(4, 3) @ [1.0, r * xi, r**2] / r ** np.array([3, 2, 1, 0]))
 
 
 def with_gains(gains: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Return the controller with given gains, with the acceleration corrected for the derivative filter."""
+    """Return the controller with these gains. The acceleration is corrected for the derivative filter."""
     ki, kp, kd, ka = gains
     tau_d = kd / kp
     return pidalab.NonInteractivePIDA(kp, kp / ki, tau_d, math.sqrt(2 * (ka / kp + 0.05 * tau_d**2)))
 
 
 def setpoint_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Set-point rule with factors like those of `itae.setpoint_factors`, on one side of a damping of 0.9."""
+    """Evaluate the set-point rule with factors like those of `itae.setpoint_factors`, on one side of damping 0.9."""
     log_xi, log_r = np.log(plant)
     pair = constants.reshape(2, 4) @ [1.0, log_r, log_xi, log_r * log_xi]
     return itae.pida_setpoint(unit(plant), factors=tuple(pair))
 
 
 def load_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Load rule with factors like those of `itae.load_factors`."""
+    """Evaluate the load rule with factors like those of `itae.load_factors`."""
     log_xi, log_r = np.log(plant)
     f_a = constants @ [1.0, log_r, log_xi, log_r * log_xi, log_r**2, log_xi**2]
     return itae.pida_load(unit(plant), factors=(0.0, f_a))
@@ -224,7 +226,7 @@ def fit(
     def cost(x: np.ndarray) -> float:
         try:
             costs = [penalised(p, form(p, x * scale), kind, bound) - math.log(v) for p, v in least.items()]
-        except ValueError:  # a gain below 0
+        except ValueError:  # a gain is below 0
             return 1e3
         return float(np.mean(costs)) + (0.3 * max(costs) if bound < math.inf else 0.0)
 
@@ -238,7 +240,7 @@ def on_fit_board(plant: Plant) -> bool:
 
 
 def main() -> None:
-    """Find the optima, write them, and fit the constants of the two rules."""
+    """Find the optima, write them, and fit the constants of the rules."""
     rows, least = [], {}
     for kind, bound in TASKS:
         for role, plants in (("fit", FIT), ("validation", VALIDATION)):
@@ -283,7 +285,7 @@ def main() -> None:
 
 
 def write(name: str, columns: Sequence[str], rows: Sequence[tuple]) -> None:
-    """Write a table; six digits are enough to get the ITAE of an optimum to 1e-6."""
+    """Write a table with six digits, which determine the ITAE of an optimum to 1e-6."""
     with (DATA / name).open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)

@@ -1,8 +1,9 @@
-"""Evaluate the rules for second-order models over their range: book/data/itae_rules.csv.
+"""Evaluate the rules for second-order models over their range, and write book/data/itae_rules.csv.
 
-Ms on a grid of models, and every rule on the models whose optimum is known: ITAE over the least ITAE, Ms, overshoot in
-per cent and u(0+) of a set-point step. The rules and the measures are those of book/papers/heo2023.py. The audit of
-heo2023 computes a tenth of the rows again at each run. A minute on one core::
+Ms is computed on a grid of models. On models with a known optimum, the ITAE divided by the least ITAE, Ms, the
+overshoot in per cent and u(0+) of a set-point step are computed for every rule. The rules and the measures are those of
+book/papers/heo2023.py. The audit of heo2023 computes a tenth of the rows again in each run. The study takes a minute on
+one core::
 
     python studies/itae_rules.py
 """
@@ -27,11 +28,11 @@ from papers import heo2023  # noqa: E402
 
 DATA = BOOK / "data"
 COLUMNS = ("role", "kind", "rule", "damping", "ratio", "itae", "ms", "overshoot", "kick")
-BOUNDS = {"setpoint": math.inf, "load": 2.0}  # on Ms, of the optima that the rules are compared with
+BOUNDS = {"setpoint": math.inf, "load": 2.0}  # largest Ms of the optima with which the rules are compared
 
 
 def on_grid() -> Iterator[tuple]:
-    """Return the rows of the grid: Ms alone."""
+    """Yield the rows of the grid, with Ms only."""
     grid = product(np.linspace(0.3, 2, 15).round(6), np.geomspace(0.1, 2, 15).round(6))
     for kind, rule, (xi, r) in product(heo2023.RULES, ("ITAE-2", "Table 1"), list(grid)):
         model = heo2023.unit(xi, r)
@@ -40,7 +41,7 @@ def on_grid() -> Iterator[tuple]:
 
 
 def on_optima() -> Iterator[tuple]:
-    """Return the rows of the models whose optimum is known."""
+    """Yield the rows of the models with a known optimum."""
     optima = pd.read_csv(DATA / "itae_optima.csv").query("role in ('fit', 'validation')")
     for one in optima.itertuples():
         if one.ms_bound != BOUNDS[one.kind]:

@@ -1,7 +1,8 @@
-"""Find the optima from which the lab's search starts, and those for its test (ten minutes).
+"""Find the optima from which the search of the lab starts, and optima for the test of the lab, in ten minutes.
 
-For each of the lab's plants the PI, PID and PIDA with the least IAE after a step of the load, under the limits below:
-book/_static/lab/optima.js. For 100 random plants, orders and limits the least IAE: tests/lab/least_iae.csv.
+For each plant of the lab, book/_static/lab/optima.js contains the PI, PID and PIDA with the least IAE after a step of
+the load, within the limits below. tests/lab/least_iae.csv contains the least IAE for 100 random plants, orders and
+limits.
 """
 
 import csv
@@ -16,8 +17,8 @@ from pidalab import optimal
 
 ROOT = Path(__file__).resolve().parents[1]
 LAB = ROOT / "book" / "_static" / "lab"
-RANDOM = 100  # plants of the test
-MS, NOISE = 1.4, 1.5  # largest Ms and relative noise gain
+RANDOM = 100  # number of plants for the test
+MS, NOISE = 1.4, 1.5  # largest Ms and largest relative noise gain
 HEAD = """/* Where the search of the lab starts: the least IAE that `pidalab.optimal.load` found for each plant of
    the lab with PI, PID and PIDA, with Ms at most {ms:g} and a relative noise gain of at most
    {noise:g}. A design is kp, ti, td, ta, as far as it has them, and its filter time.
@@ -26,7 +27,7 @@ globalThis.pidalabOptima = """
 
 
 def plants() -> dict[str, pidalab.Process]:
-    """Return the lab's plants."""
+    """Return the plants of the lab."""
     context = MiniRacer()
     context.eval("\n".join((LAB / f"{name}.js").read_text(encoding="utf-8") for name in ("engine", "model")))
     found = json.loads(context.eval("JSON.stringify(pidalabModel.PLANTS)"))
@@ -34,13 +35,13 @@ def plants() -> dict[str, pidalab.Process]:
 
 
 def least_iae(process: pidalab.Process, order: int, ms: float, noise: float) -> pidalab.rules.Design:
-    """Return the optimum with a largest Ms and relative noise gain."""
+    """Return the optimum for a largest Ms and a largest relative noise gain."""
     scale = pidalab.noise_scale(process)
     return optimal.load(process, order, ms=ms, noise_gain=noise * scale.gain, sample_time=scale.sample_time)
 
 
 def best(process: pidalab.Process, order: int) -> list[float]:
-    """Return kp, ti, td and ta of the optimum, as far as it has them, and its filter time."""
+    """Return those of kp, ti, td and ta that the optimum has, and its filter time."""
     controller = least_iae(process, order, MS, NOISE).controller
     ki, kp, *derivatives = controller.coefficients
     values = [kp, kp / ki, *(gain / kp for gain in derivatives), controller.filter_time]

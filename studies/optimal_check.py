@@ -1,13 +1,14 @@
 """Compare `pidalab.optimal.load` with a second, independent optimiser on twenty plants.
 
-The second one shares only the exact engine with the first. It uses no gradients, no grid of filter times and no
-transforms. The range of filter times is divided into bands, so that the search covers all of them. In each band
-differential evolution evaluates hundreds of controllers, with limits on a dense grid of frequencies and the error of
-the simulated loop. The simplex method then refines the best of each band, with a free filter time.
+The second optimiser shares only the exact simulation with the first. It uses no gradients, no grid of filter times and
+no transforms. The range of filter times is divided into bands, so that the search covers the whole range. In each band,
+differential evolution evaluates hundreds of controllers. It applies the limits on a dense grid of frequencies, and uses
+the error of the simulated loop. The simplex method then refines the best controller of each band, with a free filter
+time.
 
 Each plant is a row of book/data/optimal_check.csv, written as soon as it is done. Existing rows are not computed again.
-Plants can be named: ``python studies/optimal_check.py lags3 ipdt``. One takes a minute on an idle core. With ``own`` as
-the only name, `pidalab.optimal.load` is run again on all plants of the table.
+Plants may be named: ``python studies/optimal_check.py lags3 ipdt``. A plant takes a minute on an idle core. With
+``own`` as the only name, `pidalab.optimal.load` is run again on all plants of the table.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import warnings
 from itertools import pairwise
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads do not help with small matrices
 
 import numpy as np
 from scipy.optimize import NonlinearConstraint, differential_evolution, minimize
@@ -37,10 +38,10 @@ LOW, HIGH = (
     np.log([0.005, 0.02, 1e-3, 1e-5]),
     np.log([5.0, 20.0, 10.0, 5.0]),
 )  # gains, in units of the process
-MEMBERS, GENERATIONS = 8, 40  # members per unknown and generations of the differential evolution in each band
-SIMPLEX = 600  # evaluations of the refinement, from the best of each band
-PENALTY = 100.0  # for a violated limit, as a share of the IAE
-PLANTS: dict[str, tuple[Process, float]] = {  # each with its limit of |C S|
+MEMBERS, GENERATIONS = 8, 40  # per unknown and band, of the differential evolution
+SIMPLEX = 600  # evaluations of the refinement from the best controller of each band
+PENALTY = 100.0  # penalty for a violated limit, as a share of the IAE
+PLANTS: dict[str, tuple[Process, float]] = {  # each process has its limit of |C S|
     "lags2": (pidalab.lags(2, delay=0.5), 20.0),
     "lags3": (pidalab.lags(3, delay=1.0), 20.0),
     "lags3_quiet": (pidalab.lags(3, delay=1.0), 5.0),
@@ -76,7 +77,7 @@ class Judge:
         self.gain = abs(process(1j / self.time))
 
     def loop(self, z: np.ndarray) -> Loop:
-        """Return the loop of logarithms of gains and filter time, in units of the process."""
+        """Return the loop for logarithms of gains and filter time, in units of the process."""
         units = self.time ** np.arange(-1.0, self.order + 1) / self.gain
         return Loop(
             self.process,
@@ -84,7 +85,7 @@ class Judge:
         )
 
     def peaks(self, z: np.ndarray) -> np.ndarray:
-        """Return the peaks of |S| and |C S| over their limits, or 2 if an unstable loop keeps them."""
+        """Return the peaks of |S| and |C S| divided by their limits, or 2 if an unstable loop keeps the limits."""
         self.asked += 1
         loop = self.loop(z)
         sensitivity = loop.S(self.s)
@@ -94,7 +95,7 @@ class Judge:
 
     @staticmethod
     def stable(loop: Loop) -> bool:
-        """Return True if a loop is stable. One whose phase turns too often to be followed counts as unstable."""
+        """Return True if a loop is stable. If its phase turns too often to be followed, it counts as unstable."""
         try:
             return pidalab.is_stable(loop)
         except ArithmeticError:
@@ -122,12 +123,12 @@ def second(process: Process, mks: float, seed: int) -> tuple[float, int]:
         bounds = [*zip(LOW, HIGH, strict=True), (low, high)]
         with warnings.catch_warnings(
             action="ignore", category=UserWarning
-        ):  # it warns where no member keeps limits
+        ):  # differential evolution warns if no member keeps the limits
             x = differential_evolution(
                 judge.error, bounds, constraints=kept, popsize=MEMBERS, maxiter=GENERATIONS, init="sobol",
                 polish=False, tol=0.0, rng=10 * seed + band,
             ).x  # fmt: skip
-        for _ in range(2):  # a simplex that has shrunk is started again
+        for _ in range(2):  # restart, since the simplex may have shrunk too early
             options = {"maxfev": SIMPLEX // 2, "fatol": 1e-7, "adaptive": True}
             x = minimize(judge.priced, x, method="Nelder-Mead", options=options).x
         loop = judge.loop(x)
@@ -145,7 +146,7 @@ def rows() -> list[dict]:
 
 
 def store(found: list[dict]) -> None:
-    """Write the table, in the order of the plants; of two rows for one plant the later one counts."""
+    """Write the table in the order of the plants. Of two rows for one plant, the later row is kept."""
     last = {row["plant"]: row for row in found}
     found = [last[name] for name in PLANTS if name in last]
     with RESULTS.open("w", newline="", encoding="utf-8") as file:
@@ -161,7 +162,7 @@ def own(name: str) -> float:
 
 
 def compared(line: dict, iae: float, least: float) -> dict:
-    """Return a line of the table with the results of both."""
+    """Return a line of the table with the results of both optimisers."""
     return line | {"iae": f"{iae:.6g}", "iae_second": f"{least:.6g}", "ratio": f"{iae / least:.5f}"}
 
 

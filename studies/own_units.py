@@ -1,10 +1,10 @@
-"""Plants in their own units, and tables of studies that can be interrupted and resumed.
+"""Plants in units of their own, and tables of studies that can be interrupted and resumed.
 
 A loop can hardly be faster than the ultimate period Pu of its plant, and the gain of its controller can hardly exceed
-the ultimate gain Ku. In these units plants are comparable that are a thousand times faster or slower than each other:
+the ultimate gain Ku. In these units plants are comparable even if one is a thousand times faster than another:
 
 =================  ===============  ========================================================
-quantity           unit             so that
+quantity           unit             consequence
 =================  ===============  ========================================================
 time               Pu               noise is sampled a hundred times in a period: Pu/100
 gain of noise      Ku               1 is the gain of the proportional controller that makes the loop oscillate
@@ -37,7 +37,7 @@ DIGITS = 5
 
 
 def five_digits() -> None:
-    """Limit the response to noise to five digits in this process, since slow loops take long."""
+    """Compute responses to noise to only five digits in this process, since slow loops take long."""
     sampled.FADED = 1e-7
 
 
@@ -48,7 +48,7 @@ COLUMNS = (*OPTIMUM, *GAINS, *WORST, "active", "reason")
 
 
 def optimum(name: str, process: Process, order: int, ms: float, noise: float) -> dict[str, Any]:
-    """Return the least IAE under both limits as a row, in the plant's units, or the reason why there is none."""
+    """Return the least IAE within both limits as a row in units of the plant, or the reason why there is none."""
     own = noise_scale(process)
     row: dict[str, Any] = {"plant": name, "order": order, "ms_limit": ms, "noise_limit": noise}
     try:
@@ -71,7 +71,7 @@ def optimum(name: str, process: Process, order: int, ms: float, noise: float) ->
 
 
 def worst(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, float]:
-    """Return the largest Ms and IAE over the eight changed plants, infinite if one of their loops is unstable."""
+    """Return the largest Ms and IAE over the eight changed plants. Both are infinite if a loop is unstable."""
     loops = off(loop, process)
     if not all(pidalab.is_stable(other) for other in loops):
         return {"ms_worst": math.inf, "iae_worst": math.inf}
@@ -81,7 +81,7 @@ def worst(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, fl
 
 
 def least_robust(loop: pidalab.Loop, process: Process, own: NoiseScale) -> dict[str, float]:
-    """Return the largest Ms over the eight changed plants, and the IAE on that plant, with only one response."""
+    """Return the largest Ms over the eight changed plants, and the IAE on the plant with this Ms."""
     loops = off(loop, process)
     if not all(pidalab.is_stable(other) for other in loops):
         return {"ms_worst": math.inf, "iae_least_robust": math.inf}
@@ -119,9 +119,9 @@ def resume(
     work: Callable[..., list[dict[str, Any]]],
     workers: int | None = None,
 ) -> None:
-    """Do the tasks that are not in the file yet, on all cores, and write the rows of each task when it is done.
+    """Do the tasks that are not in the file yet, on all cores. Write the rows of each task when it is done.
 
-    A task is known by the values of the columns `key`, with which it begins.
+    The values of the columns `key` identify a task, which begins with them.
     """
     from tqdm import tqdm
 

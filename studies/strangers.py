@@ -1,11 +1,11 @@
-"""Tune on step tests of random plants with shapes that no model here has, and evaluate on the plants themselves.
+"""Tune on step tests of random plants whose shapes no model here has, and evaluate the designs on the plants.
 
-Aims, set before the first run: no unstable loop, a true sampled Ms of at most 2.0 for 97 % of the designs and within
-the reported worst Ms for 95 %, a finite worst Ms, and at most 15 % of the records refused. Only records with a design
-count in the first three.
+Four aims were set before the first run. No loop is unstable. The true sampled Ms is at most 2.0 for 97 % of the
+designs, and within the reported worst Ms for 95 %, which is always finite. At most 15 % of the records are refused.
+Refused records do not count for the other aims.
 
-Run it from the root of the project: ``python studies/strangers.py --seed 1``. It writes book/data/strangers.csv. It
-continues where it stopped, and starts again with another seed. It takes a quarter of an hour on one core.
+Run ``python studies/strangers.py --seed 1`` from the root of the project. It writes book/data/strangers.csv. It resumes
+where it stopped, and starts again if the seed changes. It takes a quarter of an hour on one core.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DRIFT = 0.05  # largest drift over the record, as a share of the response
 
 
 def plant(shape: str, rng: np.random.Generator) -> tuple[Process, float]:
-    """Draw a plant of a shape with a gain of 1. Also return the sum of its times."""
+    """Draw a plant of a shape, with a gain of 1. Return the plant and the sum of its times."""
     times = np.exp(rng.uniform(np.log(0.1), 0.0, size=rng.integers(2, 6)))
     delay = times.sum() * rng.uniform(0.05, 0.5)
     num, den = np.ones(1), np.prod(times) * np.poly(-1 / times)
@@ -66,7 +66,7 @@ def experiment(
     second = 0.0 if integrates else rng.choice([0.0, 0.5, 1.0])  # a pulse, two steps or one long step
     u = np.select([t < rest, t < rest + held], [0.0, 1.0], second)
     moved = u.copy()
-    if fault == "sticking valve":  # it follows within the play of its stem
+    if fault == "sticking valve":  # the valve follows only beyond the play of its stem
         play = rng.uniform(0.05, STUCK)
         for k in range(1, t.size):
             moved[k] = np.clip(moved[k - 1], u[k] - play, u[k] + play)
@@ -89,12 +89,12 @@ def experiment(
 
 
 def ms(loop: Loop) -> float:
-    """Return Ms of the sampled loop, infinite if unstable."""
+    """Return Ms of the sampled loop. It is infinite if the loop is unstable."""
     return pidalab.max_sensitivity(loop)[0] if pidalab.is_stable(loop) else np.inf
 
 
 def judged(seed: int, number: int) -> dict[str, Any]:
-    """Tune on the record of a plant and return the sampled Ms with the plant."""
+    """Tune on the record of a plant. Return the sampled Ms with this plant."""
     rng = np.random.default_rng([seed, number])
     shape, kind = SHAPES[number % len(SHAPES)], KINDS[number // len(SHAPES) % len(KINDS)]
     fault = FAULTS[int(rng.integers(len(FAULTS)))]

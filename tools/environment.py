@@ -1,7 +1,7 @@
-"""Make `.venv` from the locked requirements: ``python tools/environment.py``, with ``--dev`` for tests and tools, too.
+"""Make `.venv` from the locked requirements: ``python tools/environment.py``. ``--dev`` adds tests and tools.
 
-Needs only Python, on any system. Every package is verified by its hash. `uv` from the lock file is several times faster
-than pip. If it cannot be installed, pip is used.
+The script needs only Python, on any system. Every package is verified by its hash. `uv` is several times faster than
+pip, and is installed from the lock file. If it cannot be installed, pip is used.
 """
 
 import os
@@ -21,13 +21,13 @@ HASHES = "--require-hashes"
 
 
 def pip(*arguments: str | Path) -> bool:
-    """Run the environment's pip, and return whether it succeeded."""
+    """Run pip of the environment. Return True if it succeeded."""
     command = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", *arguments]
     return subprocess.run(command, check=False).returncode == 0
 
 
 def uv() -> Path | None:
-    """Return uv, installed if necessary, or None if that fails."""
+    """Return the path of uv, after installing it if necessary. Return None if this fails."""
     found = SCRIPTS / ("uv.exe" if os.name == "nt" else "uv")
     if found.exists():
         return found
@@ -60,7 +60,7 @@ def main(which: str) -> None:
     if not pip("--no-deps", "--no-build-isolation", "--editable", ROOT):
         sys.exit("pidalab itself could not be installed: see what pip says above")
     (FOLDER / f".{which}").touch()
-    if not (FOLDER / ".book").exists():  # the tools stand on what the book needs
+    if not (FOLDER / ".book").exists():  # the tools include what the book needs
         (FOLDER / ".book").touch()
     print(f"{PYTHON.relative_to(ROOT)} has what {'tests and tools' if which == 'dev' else 'the book'} need")
 

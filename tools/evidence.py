@@ -1,6 +1,6 @@
 """Fill the tables of the page *How we know* from data files while the site is built.
 
-A line ``<!-- evidence: name -->`` becomes the table of that name. Nothing is stored, so the tables are always current.
+A line ``<!-- evidence: name -->`` is replaced by the table of this name. Nothing is stored, so tables are current.
 """
 
 import json
@@ -20,7 +20,7 @@ NUMBER = re.compile(r"[\d.]+(e[+-]\d+| %)?|no digit")
 
 
 def table(head: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
-    """Return a table in Markdown; columns of numbers and dashes stand to the right."""
+    """Return a Markdown table. Columns of numbers and dashes are aligned right."""
     lines = [[str(cell) for cell in line] for line in lines]
     columns = [[cell for cell in column if cell != "–"] for column in zip(*lines, strict=True)]
     rule = ["--:" if all(map(NUMBER.fullmatch, column)) else "---" for column in columns]
@@ -28,7 +28,7 @@ def table(head: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
 
 
 def read(name: str) -> pd.DataFrame:
-    """Read a table of texts; lines that begin with # say who made it."""
+    """Read a table as text. Lines that begin with # name its source and are skipped."""
     lines = (DATA / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     text = "".join(line for line in lines if not line.startswith("#"))
     return pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
@@ -47,7 +47,7 @@ def oracles() -> str:
 
 
 def engine() -> str:
-    """List the largest error of each method at its best setting, over all loops."""
+    """List the largest error of each method over all loops, at the best setting of the method."""
     rows = read("engine_comparison").query("error != ''").astype({"error": float})
     best = rows.groupby(["m", "n", "te", "method"], sort=False)["error"].min()
     worst = best.groupby("method", sort=False).max()
@@ -57,7 +57,7 @@ def engine() -> str:
 
 
 def optima() -> str:
-    """Compare the optimiser with a search that shares only the engine with it."""
+    """Compare the optimiser with a search that shares only the simulation with it."""
     ratios = read("optimal_check")["ratio"].astype(float)
     found = [
         ("plants", ratios.size),
@@ -71,7 +71,7 @@ TABLES: dict[str, Callable[[], str]] = {made.__name__: made for made in (oracles
 
 
 def filled(text: str) -> str:
-    """Return the page with its tables.
+    """Return the page with all marks replaced by tables.
 
     Raises
     ------

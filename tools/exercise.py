@@ -1,6 +1,6 @@
-"""Use an installed pidalab without a clone and tests, with only its dependencies.
+"""Use an installed pidalab that has only its dependencies, without a clone and without tests.
 
-Run by `tools/release.py` with the interpreter of an empty environment, in an empty folder.
+`tools/release.py` runs this file with the interpreter of an empty environment, in an empty folder.
 """
 
 import subprocess
@@ -17,7 +17,7 @@ COMMAND = [str(Path(sys.executable).with_name("pidalab"))]
 
 
 def package() -> str:
-    """Check that the installed package is used, typed, with its licence."""
+    """Check that the installed package is used, and that it has type information and a licence."""
     home = Path(pidalab.__file__).parent
     assert "site-packages" in home.parts, f"{home} is no installed package"
     assert (home / "py.typed").is_file()
@@ -27,7 +27,7 @@ def package() -> str:
 
 
 def loop() -> str:
-    """Tune a controller, and compare the load response of the loop with the integral from its gains."""
+    """Tune a controller, and compare the load response with the integral that follows from the gains."""
     process = pidalab.lags(3, delay=1.0)
     design = pidalab.rules.haalman.tune(process, ms=1.6)
     t = np.linspace(0, 200, 20001)
@@ -40,13 +40,13 @@ def loop() -> str:
 
 
 def command_line() -> str:
-    """Write code in four languages from a record, and check that a wrong argument gives one line."""
+    """Write code in four languages from a record, and check that a wrong argument gives a one-line error."""
     t = np.arange(0.0, 60.0, 0.25)
     y = np.interp(t - 5.0, t, pidalab.open_loop_step(pidalab.fopdt(1.0, 4.0, 1.0), t).y, left=0.0)
     table = np.column_stack([t, np.where(t < 5.0, 0.0, 1.0), y])
     np.savetxt("step.csv", table, delimiter=",", header="time,u,y", comments="")
     options = ["--model", "fopdt", "--rule", "simc", "--kind", "PI", "--sample-time", "0.2", "--out", "code"]
-    options += ["--ms-worst", "2.2"]  # a rule knows no Ms
+    options += ["--ms-worst", "2.2"]  # the rule cannot design for a given Ms
     subprocess.run([*COMMAND, "tune", "step.csv", *options], check=True, stdout=subprocess.DEVNULL)
     written = sorted(path.name for path in Path("code").iterdir())
     assert {"controller.c", "controller.st", "controller.py", "controller.json", "report.html"} <= set(

@@ -1,6 +1,6 @@
-"""Tune on public plant records in a folder, and write the results as a table.
+"""Tune controllers for public plant records in a folder, and write the results as a table.
 
-foreign.toml lists the records with their sources and columns. They are not part of this repository.
+foreign.toml lists the records with their sources and columns. The records are not part of this repository.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FOUND = ("samples", "experiment", "model", "gain", "nrmse", "holdout", "ms", "ms
 
 
 def listed() -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
-    """Yield path in the folder, source and options of each record."""
+    """Yield the path in the folder, the source and the options of each record."""
     for source in tomllib.loads(LIST.read_text(encoding="utf-8"))["source"]:
         for name, known in source["records"].items():
             about = {key: str(known.get(key, source.get(key, ""))) for key in ABOUT}
@@ -31,7 +31,7 @@ def listed() -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
 
 
 def read(path: Path, options: dict[str, Any]) -> pidalab.Record:
-    """Read a record from a text file, or from a Matlab file whose columns are its arrays in order."""
+    """Read a record from a text file, or from a Matlab file whose arrays are its columns in order."""
     if path.suffix != ".mat":
         return pidalab.Record.read_csv(path, **options)
     from scipy.io import loadmat
@@ -44,7 +44,7 @@ def read(path: Path, options: dict[str, Any]) -> pidalab.Record:
 
 
 def tried(path: Path, options: dict[str, Any], kind: str) -> dict[str, object]:
-    """Read, fit and tune, and return the results or the refusal."""
+    """Read, fit and tune. Return the results, or the reason of a refusal."""
     row: dict[str, object] = {}
     try:
         record = read(path, options)

@@ -1,8 +1,8 @@
-"""Make the figure of the first page: benefit of acceleration and its cost in noise, at equal robustness.
+"""Make the figure of the first page, which shows the benefit of acceleration and its cost in noise.
 
-It shows the PI, PID and PIDA controllers of one plant with the least IAE for a load at the same maximum sensitivity,
-for several limits of the relative noise gain. The page redraws them when the reader moves the slider. The image is for
-readers without JavaScript. The conditions are those of the study of 134 plants, whose medians are shown, too.
+All its PI, PID and PIDA controllers are for one plant and have the same maximum sensitivity. Each has the least IAE for
+a load at a limit of the relative noise gain. The page redraws them when the reader moves the slider. Readers without
+JavaScript see the image. The conditions are those of the study of 134 plants, whose medians are also shown.
 """
 
 import json
@@ -22,7 +22,7 @@ import tables  # noqa: E402  # the threshold and the medians of the page on all 
 
 PAGE = BOOK / "intro.md"
 MS, NOISE, END, SHOWN = 1.4, 0.02, 25.0, 1.5
-LIMITS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)  # noise gain over the ultimate gain
+LIMITS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)  # of the relative noise gain
 ORDERS = {"PI": 0, "PID": 1, "PIDA": 2}
 PROCESS = pidalab.lags(3, delay=1.0)
 MARKS = re.compile(r"<!-- landing -->.*?<!-- /landing -->", re.DOTALL)
@@ -33,13 +33,13 @@ ALT = (
 
 
 def units() -> tuple[float, float]:
-    """Return the ultimate gain of the plant, and the sample time of the noise, a hundredth of the ultimate period."""
+    """Return the ultimate gain of the plant, and the sample time of the noise (a hundredth of the ultimate period)."""
     point = pidalab.rules.classical.ziegler_nichols_ultimate(PROCESS)
     return point.ultimate_gain, point.ultimate_period / 100
 
 
 def medians() -> dict[str, list[float]]:
-    """Return by how many per cent acceleration reduces the IAE, the median over the plants of the study."""
+    """Return by how many per cent acceleration reduces the IAE, as medians over the plants of the study."""
     saves = tables.pays().groupby("terms")["saves"].median()
     return {term: [limit, round(100 * saves[term], 1)] for term, limit in tables.NOISE.items()}
 
@@ -54,7 +54,7 @@ def found() -> dict:
 
 
 def design(order: int, limit: float, gain: float, sample: float) -> list[float]:
-    """Return the IAE of the best controller, its gains, its filter time."""
+    """Return the IAE of the best controller, its gains, and its filter time."""
     best = pidalab.optimal.load(PROCESS, order, ms=MS, noise_gain=limit * gain, sample_time=sample)
     gains = best.controller.coefficients
     return [float(f"{value:.6g}") for value in (best.iae, *gains, best.controller.filter_time)]
@@ -70,7 +70,7 @@ def loops(state: dict, k: int) -> dict[str, pidalab.Loop]:
 
 
 def draw(state: dict) -> plt.Figure:
-    """Draw output without noise above, control signal with noise below."""
+    """Draw the output without noise, and below it the control signal with noise."""
     plots.use_book_style()
     t = state["sample"] / 5 * np.arange(round(5 * END / state["sample"]) + 1)
     noise = pidalab.uniform_noise(t, NOISE, seed=1, hold=state["sample"])
@@ -93,19 +93,17 @@ def caption(state: dict, many: dict[str, list[float]]) -> str:
         return 100 * (1 - state["PIDA"][k][0] / state["PID"][k][0])
 
     def pays(share: float) -> str:
-        return (
-            ", so it pays,"
-            if share >= 100 * tables.WORTH
-            else f", below our {100 * tables.WORTH:.0f} % threshold,"
-        )
+        least = 100 * tables.WORTH
+        return "so it pays" if share >= least else f"below our {least:.0f} % threshold"
 
     quiet, loud = (limit for limit, _ in many.values())
     return (
-        f"These are the best PI, PID and PIDA controllers for $e^{{-s}}/(s+1)^3$ after a step of the load, at the same "
-        f"robustness, $M_s = {MS}$, and with no more than the same noise in $u$. At a relative noise gain of "
-        f"{quiet:g} acceleration saves {saved(quiet):.0f} % of the IAE here{pays(saved(quiet))} and "
-        f"{many['quiet'][1]:.0f} % in the median of [134 plants](across/which-controller.ipynb); at {loud:g} it saves "
-        f"{saved(loud):.0f} % here{pays(saved(loud))} and {many['loud'][1]:.0f} % in the median."
+        f"The figure compares the best PI, PID and PIDA controllers for $e^{{-s}}/(s+1)^3$ after a step of the load. "
+        f"All have the same robustness, $M_s = {MS}$, and none exceeds the noise limit. At a relative noise gain of "
+        f"{quiet:g} acceleration saves {saved(quiet):.0f} % of the IAE here ({pays(saved(quiet))}), and "
+        f"{many['quiet'][1]:.0f} % in the median of [134 plants](across/which-controller.ipynb). At a relative noise "
+        f"gain of {loud:g} acceleration saves {saved(loud):.0f} % here ({pays(saved(loud))}), and "
+        f"{many['loud'][1]:.0f} % in the median."
     )
 
 

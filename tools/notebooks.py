@@ -1,8 +1,8 @@
-"""Execute the book's notebooks, several at once, and store their outputs in place.
+"""Execute the notebooks of the book in parallel, and store their outputs in place.
 
-Nothing is stored that changes from run to run or from machine to machine (time stamps, the Python version), so a second
-run changes no file. The old and new text of each changed output is printed. Read it before you commit.
-With paths as arguments only these notebooks are run.
+Nothing is stored that changes between runs or machines, such as time stamps or the Python version. So a second run
+changes no file. The old and new text of each changed output is printed. Read these changes before you commit. If paths
+are given as arguments, only these notebooks are run.
 """
 
 import difflib
@@ -25,7 +25,7 @@ METADATA = {
 
 
 def execute(path: Path) -> str:
-    """Run one notebook and return the changes. On an error raise the traceback and leave the file unchanged."""
+    """Run one notebook and return the changes. If a cell fails, raise its traceback and leave the file unchanged."""
     notebook = nbformat.read(path, as_version=4)
     before = list(texts(notebook))
     NotebookClient(
@@ -38,9 +38,9 @@ def execute(path: Path) -> str:
         extra_arguments=["--IPKernelApp.log_level=ERROR"],  # suppresses a warning about local connections
     ).execute()
     for cell in notebook.cells:
-        cell.metadata.pop("execution", None)  # time stamps that an editor left
+        cell.metadata.pop("execution", None)  # an editor may have left time stamps
         for output in cell.get("outputs", []):
-            if output.output_type == "error":  # one that did not stop the cell: its result could not be shown
+            if output.output_type == "error":  # the cell ended, but its result could not be shown
                 raise RuntimeError("\n".join([f"{path.name}: {cell.source}", *output.traceback]))
     notebook.metadata = nbformat.from_dict(METADATA)
     nbformat.write(notebook, path)
@@ -48,7 +48,7 @@ def execute(path: Path) -> str:
 
 
 def texts(notebook: Any) -> Iterator[str]:
-    """Yield the lines of all text outputs, each after the id of its cell."""
+    """Yield the lines of all text outputs. The id of the cell precedes each output."""
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             text = output.get("text") or output.get("data", {}).get("text/plain", "")
@@ -56,13 +56,13 @@ def texts(notebook: Any) -> Iterator[str]:
 
 
 def changes(before: list[str], after: list[str]) -> str:
-    """Return the lines that differ, old ones marked with - and new ones with +."""
+    """Return the lines that differ, with - before old lines and + before new lines."""
     lines = list(difflib.unified_diff(before, after, lineterm="", n=0))[2:]
     return "\n".join(f"    {line}" for line in lines if not line.startswith("@@"))
 
 
 def notebooks(folder: Path) -> list[Path]:
-    """Return every notebook below a folder, audits and large ones first, so that no long one runs last."""
+    """Return every notebook below a folder. Audits and large notebooks come first, so that no long one runs last."""
     found = [path for path in folder.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     return sorted(found, key=lambda path: (path.parent.name == "audit", path.stat().st_size), reverse=True)
 
@@ -70,9 +70,9 @@ def notebooks(folder: Path) -> list[Path]:
 def execute_all(paths: Iterable[Path]) -> None:
     """Run notebooks on all cores, print the changes of each, and raise the first error."""
     paths, start = list(paths), time.perf_counter()
-    os.environ.setdefault("PIDALAB_COMPILE", "1")  # wait for machine code
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
-    workers = (os.cpu_count() or 1) + 1  # a worker often waits while its kernel starts or ends
+    os.environ.setdefault("PIDALAB_COMPILE", "1")  # wait for compiled code
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads do not help with small matrices
+    workers = (os.cpu_count() or 1) + 1  # one more, since workers wait while their kernels start or end
     with ThreadPoolExecutor(workers) as pool:
         runs = {pool.submit(execute, path): path for path in paths}
         for done, run in enumerate(as_completed(runs), start=1):

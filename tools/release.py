@@ -1,7 +1,7 @@
-"""Build the source archive and the wheel, install the wheel into an empty environment, and use it there.
+"""Build the source archive and the wheel, then install the wheel into an empty environment and use it.
 
-The environment contains only the wheel and its dependencies, in the locked versions. So this fails if a module is
-missing in the wheel or a dependency in pyproject.toml.
+The environment contains only the wheel and its dependencies in the locked versions. So the check fails if the wheel
+lacks a module, or if pyproject.toml lacks a dependency.
 """
 
 import os
@@ -19,7 +19,7 @@ PACKAGES = [ROOT / "src" / name for name in ("pidalab", "paperledger")]
 
 
 def build() -> tuple[Path, Path]:
-    """Make the source archive, and from it the wheel. Files have the time of the last commit."""
+    """Build the source archive, and from the archive the wheel. All files have the time of the last commit."""
     for old in DIST.glob("pidalab-*"):
         old.unlink()
     uv = Path(sys.executable).with_name("uv")
@@ -37,7 +37,7 @@ def committed() -> str:
 
 
 def missing(wheel: Path, archive: Path) -> list[str]:
-    """List the modules of the library that are missing in one of the two files, and other files in the wheel."""
+    """List the modules of the library that one of the two files lacks, and other files in the wheel."""
     kinds = {".py", ".pyi", ".typed", ".j2", ".csv", ".txt"}
     paths = [path for package in PACKAGES for path in package.rglob("*") if path.suffix in kinds]
     own = {path.relative_to(ROOT / "src").as_posix() for path in paths}
@@ -53,7 +53,7 @@ def missing(wheel: Path, archive: Path) -> list[str]:
 
 
 def locked(folder: Path) -> Path:
-    """Write the locked versions as constraints, without hashes, with which pip would refuse the local wheel."""
+    """Write the locked versions as constraints. Leave out hashes, since pip would then refuse the local wheel."""
     lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
     pins = [line.rstrip(" \\") for line in lines if "==" in line and not line.startswith(("#", " "))]
     path = folder / "constraints.txt"
@@ -62,12 +62,10 @@ def locked(folder: Path) -> Path:
 
 
 def use(wheel: Path) -> None:
-    """Install the wheel where nothing else is, and use it in an empty folder."""
-    # A path to the sources would count as an installed package.
+    """Install the wheel into an empty environment, and use it in an empty folder."""
+    # Remove paths to the sources, which would count as an installed package.
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
-    clean["PIDALAB_COMPILE"] = (
-        "0"  # Otherwise a background compiler would write to the folder while it is deleted.
-    )
+    clean["PIDALAB_COMPILE"] = "0"  # a background compiler would write to the folder while it is deleted
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         venv.create(folder / "env", with_pip=True)
@@ -86,7 +84,7 @@ def use(wheel: Path) -> None:
 
 
 def main() -> int:
-    """Return 1 if the files are incomplete. A failing use raises an error."""
+    """Return 1 if a file is incomplete. If the use of the wheel fails, an error is raised."""
     archive, wheel = build()
     if wrong := missing(wheel, archive):
         print("\n".join(wrong), file=sys.stderr)

@@ -1,12 +1,12 @@
 """Run every page of the book with a slightly changed library, and check that its results change, too.
 
-A number that does not change was copied, or a formula of the page made it, or it is a whole number. Its row says which
-in ``made``. A number that changes only as much as the prints, which change a thousand times less, comes from print
-alone. Before that the pages run with changed prints and an exact library. A number with the basis *computed* must not
-change.
+If a number does not change, it was copied, it is a whole number, or a formula of the page computed it. In the last two
+cases its row says so in ``made``. Printed numbers change a thousand times less. If a number changes only as much as
+these, it was computed from printed numbers alone. Before that, the pages run with changed printed numbers and an exact
+library. In this run numbers with the basis *computed* must not change.
 
     python tools/shake.py                    # all papers
-    python tools/shake.py huba2018           # one of them
+    python tools/shake.py huba2018           # one paper
 """
 
 import os
@@ -21,14 +21,14 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def process(found: Any, off: Off) -> Any:
-    """Change gain, dead time and unit of time of a process, which keeps multiple poles."""
+    """Change gain, dead time and unit of time of a process. This keeps multiple poles together."""
     gain, delay, unit = off(1.0, "gain"), off(found.delay, "delay"), off(1.0, "unit")
     num, den = ([c * unit**k for k, c in enumerate(reversed(part))][::-1] for part in (found.num, found.den))
     return type(found)([gain * c for c in num], den, delay)
 
 
 def response(found: Any, off: Off) -> Any:
-    """Change the control error instead of the output, so that a settled response stays settled."""
+    """Change the control error instead of the output, so that a settled response remains settled."""
     import numpy as np
 
     wanted = np.concatenate([[0.0], found.step * np.cumsum(found.r[:-1])])
@@ -43,7 +43,7 @@ def response(found: Any, off: Off) -> Any:
 
 
 def prepare() -> None:
-    """Import the modules of the pages and compile the engine before each page gets a process."""
+    """Import the modules of the pages and compile all kernels, before each page gets its own process."""
     from tqdm import tqdm
 
     from pidalab.warm_up import use_all
@@ -52,20 +52,20 @@ def prepare() -> None:
     use_all()
 
 
-NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # these only define a plant
+NAMING = ("fopdt", "sopdt", "ipdt", "lags", "binomial")  # these functions only define a plant
 LIBRARY = Shaker(
     "pidalab",
     exact=frozenset(f"pidalab.process.{name}" for name in NAMING),
     fields=frozenset(
         {"t", "times", "step", "h", "sample_time", "span", "tracking_gain"}
-    ),  # the last is a share
+    ),  # tracking_gain is a share of 1
     whole={"Process": process, "Response": response},
 )
 
 
 def main(arguments: list[str]) -> int:
-    """Run the pages of some papers with a changed library. Return 0 if every row changes or says why not."""
-    if not sys.flags.optimize:  # Assertions of pages and their modules on digits must be off.
+    """Run the pages of some papers with a changed library. Return 0 if every row changes or says why it does not."""
+    if not sys.flags.optimize:  # -O turns off assertions about digits in pages and their modules
         fixed = {"OPENBLAS_NUM_THREADS": "1", "PIDALAB_COMPILE": "1", "PYTHONWARNINGS": "ignore"}
         return subprocess.call([sys.executable, "-O", __file__, *arguments], env=os.environ | fixed)
     return shake(LIBRARY, ROOT / "book" / "ledger", arguments, prepare)

@@ -1,7 +1,7 @@
-"""Write the tasks of the built site as sheets for printing: without answers, with them, and for the teacher.
+"""Write the tasks of the built site as sheets for printing: without answers, with answers, and for the teacher.
 
-The browser prints them. `tasks.html` has space to write, `tasks-answers.html` the worked answers, and
-`tasks-teacher.html` also the hints and the known wrong answers with their replies.
+A browser prints them. `tasks.html` has space to write, `tasks-answers.html` has the worked answers, and
+`tasks-teacher.html` also has the hints and the replies to known wrong answers.
 """
 
 import json
@@ -33,12 +33,12 @@ KINDS = {
 
 @cache
 def collected() -> list[tuple[str, list[Tag]]]:
-    """Return the pages with tasks, in the order of the table of contents: the title of each, and its tasks."""
+    """Return title and tasks of each page that has tasks, in the order of the table of contents."""
     parts = yaml.safe_load((ROOT / "_toc.yml").read_text(encoding="utf-8"))["parts"]
     found = []
     for name in (chapter["file"] for part in parts for chapter in part["chapters"]):
         text = (SITE / f"{name}.html").read_text(encoding="utf-8")
-        if 'class="pidalab-task"' in text:  # parsing all pages takes a while
+        if 'class="pidalab-task"' in text:  # parse only these pages, since parsing is slow
             body = BeautifulSoup(text, "html.parser").select_one("article.bd-article")
             head = "".join(body.h1.find_all(string=True, recursive=False)).strip()
             found.append((head, body.select(".pidalab-task")))
@@ -55,7 +55,7 @@ def entered(slip: dict) -> str:
 
 
 def said(data: dict) -> list[tuple[str, str]]:
-    """List the known wrong answers of a task with the replies of the page."""
+    """List the known wrong answers of a task, with the replies of the page."""
     names = [item["name"] for item in data.get("items", [])]
     slips = []
     for slip in data.get("slips", []):
@@ -66,12 +66,12 @@ def said(data: dict) -> list[tuple[str, str]]:
 
 
 def on_paper(soup: BeautifulSoup, task: Tag, shown: tuple[str, ...]) -> Tag:
-    """Return a task for a sheet with some of its parts."""
+    """Prepare a task for a sheet, on which only some of its parts are shown."""
     task = copy(task)
     data = json.loads(task.script.string)
     for gone in task.select("script, .headerlink"):
         gone.decompose()
-    for link in task.select("a"):  # paper leads nowhere
+    for link in task.select("a"):  # links are useless on paper
         link.unwrap()
     for name in ("hint", "answer"):
         fold = task.select_one(f".task-{name}")
@@ -99,7 +99,7 @@ def _with_text(soup: BeautifulSoup, name: str, text: str, kind: str = "") -> Tag
 
 
 def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
-    """Return the document of one kind of sheet, with the head of a page and only the scripts for formulas."""
+    """Return the document of one kind of sheet, which keeps the head of a page but only the scripts for formulas."""
     soup = BeautifulSoup((SITE / "book" / "intro.html").read_text(encoding="utf-8"), "html.parser")
     for script in soup.select("script"):
         if "MathJax" in script.get_text() or "mathjax" in script.get("src", ""):

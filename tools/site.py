@@ -1,7 +1,7 @@
-"""Build the site: pages by Jupyter Book from the stored outputs of the notebooks, and sheets of tasks.
+"""Build the site: Jupyter Book writes the pages from the stored outputs of the notebooks, then tasks become sheets.
 
-No notebook runs here. `make test` runs each of them and compares the results with the stored ones. `make notebooks`
-runs them and stores the results. The site is built from a copy, so that the work tree does not change.
+No notebook runs here. `make test` runs each notebook and compares the results with the stored outputs. `make notebooks`
+runs the notebooks and stores their outputs. The site is built from a copy, so that the work tree does not change.
 """
 
 import os
@@ -21,7 +21,7 @@ SOURCE = BUILD / "source"
 
 
 def copy() -> None:
-    """Copy the sources to an empty folder, since Sphinx does not notice that the library changes a page."""
+    """Copy the sources to an empty folder, since Sphinx does not notice changes of the library."""
     shutil.rmtree(BUILD, ignore_errors=True)
     ignored = shutil.ignore_patterns(".*", "__pycache__")
     shutil.copytree(ROOT / "book", SOURCE / "book", ignore=ignored)
@@ -30,7 +30,7 @@ def copy() -> None:
 
 
 def main() -> int:
-    """Return the exit status of Jupyter Book. Every warning is an error."""
+    """Return the exit status of Jupyter Book, for which every warning is an error."""
     copy()
     evidence.fill(SOURCE / "book" / "how-we-know.md")
     command = [

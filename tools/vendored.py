@@ -1,7 +1,7 @@
 """Write a notice of the third-party files in the built site, with the text of each licence.
 
-`vendored.toml` lists projects with their files and licences. A file of the site that belongs to no project is an error,
-and so is a project without files.
+`vendored.toml` lists projects with their files and licences. It is an error if a file of the site belongs to no
+project, or if a project has no files.
 """
 
 import re
@@ -14,17 +14,15 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "tools" / "vendored.toml"
-# Each text follows a line with its SPDX name, without the copyright line, which each project has.
+# A line with its SPDX name precedes each text. The copyright lines are left out, since they differ between projects.
 TEXTS = ROOT / "tools" / "licences.txt"
-LINKED = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/legalcode"}  # requires only a link
+LINKED = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/legalcode"}  # needs only a link
 SITE = ROOT / "_build" / "html"
 NOTICE = "third-party.txt"
 RULE = f"\n\n{'-' * 72}\n\n"
 HEAD = "Third-party files in this site, with their licences; the texts follow."
 
-Component = dict[
-    str, Any
-]  # a project whose files the site carries: name, version, url, licence, copyright, files
+Component = dict[str, Any]  # a project in the site, with name, version, url, licence, copyright and files
 
 
 def table() -> list[Component]:
@@ -39,7 +37,7 @@ def texts() -> dict[str, str]:
 
 
 def carried(site: Path) -> list[str]:
-    """List the third-party files, those in _static that are not in book/_static or are in its folder vendor."""
+    """List the third-party files. They are in _static of the site, and absent from book/_static or in its vendor."""
     own = {path.relative_to(ROOT / "book").as_posix() for path in (ROOT / "book" / "_static").rglob("*")}
     own = {name for name in own if not name.startswith("_static/vendor/")} | {"_static/sections.js"}
     found = (path.relative_to(site).as_posix() for path in (site / "_static").rglob("*") if path.is_file())
@@ -52,7 +50,7 @@ def components(rows: list[Component], site: Path) -> list[Component]:
     Raises
     ------
     ValueError
-        If a file has no project or several, a project no file, or a version is not found.
+        If a file belongs to no project or to several, a project has no file, or a version is not found.
     """
     owners = {name: [row["name"] for row in rows if claims(row, name)] for name in carried(site)}
     wrong = [
@@ -66,12 +64,12 @@ def components(rows: list[Component], site: Path) -> list[Component]:
 
 
 def claims(row: Component, name: str) -> bool:
-    """Return True if a file matches a pattern of a project. A star matches any characters, folders included."""
+    """Return True if a file matches a pattern of a project. A star matches any characters, including slashes."""
     return any(fnmatchcase(name, pattern) for pattern in row["files"])
 
 
 def release(row: Component, site: Path) -> str:
-    """Return the version of the package with the files, the given version, or the one in a file."""
+    """Return the version of the package with the files, or the given version, or the version found in a file."""
     where = row.get("version")
     if where is None:
         return version(row["purl"].removeprefix("pkg:pypi/"))
@@ -84,7 +82,7 @@ def release(row: Component, site: Path) -> str:
 
 
 def notice(found: list[Component]) -> str:
-    """Return names, licences and copyrights, and the full text of each licence that requires it."""
+    """Return names, licences and copyrights, followed by the full text of each licence that requires it."""
     blocks = [
         f"{one['name']} {one['version']}\n  Copyright {one['copyright']}\n  {one['licence']}\n  {one['url']}\n"
         f"  {len(one['files'])} files"

@@ -1,4 +1,4 @@
-"""haalman2024: its loops for the audit, its figures, and processes that are the model (4) themselves."""
+"""Loops, figures and test processes for the pages on haalman2024."""
 
 import warnings
 from dataclasses import replace
@@ -24,7 +24,7 @@ process = {case: processes[case[:3]] for case in cases}
 ms = {case: asked[case[-4:]] for case in cases}
 twin = {case: case.replace("pida", "pid") for case in cases if "pida" in case}
 
-# Where the printed IAE end, and records of the noise in the measurement.
+# The end times of the printed IAE, and records of the measurement noise.
 horizon = {case: 20 if "ex1" in case else 40 if ms[case] < 2 else 60 for case in cases}
 noise = np.array([pidalab.uniform_noise(t, 0.1, seed) for seed in range(20)])
 
@@ -49,7 +49,7 @@ def designs(book):
 
 
 def read(ex, step, levels, way):
-    """Return what eq. (5) gives for a process read at these levels, by the names of the ledger."""
+    """Return the parameters that eq. (5) gives with these levels, by their names in the ledger."""
     t = np.arange(0, 60 + step / 2, step)
     y = pidalab.open_loop_step(processes[ex], t).y
     if way == "interpolated":
@@ -65,7 +65,7 @@ def read(ex, step, levels, way):
 
 
 def draw(loop, ex, ms):
-    """Draw a figure of the paper: set-point and load step, y above u, one noisy run of each."""
+    """Draw a figure of the paper: y above u after a set-point and a load step, with one noisy run of each."""
     figure, axes = plt.subplots(2, 2, figsize=(5.0, 4.4))
     last = horizon[f"{ex}.pida.{ms}"]
     ends = (
@@ -86,7 +86,7 @@ def draw(loop, ex, ms):
 
 
 def live_knob(model):
-    """Return a live figure: PIDA loops on the model for two values of Ms, each with a knob of its own."""
+    """Return a live figure of two PIDA loops on the model, each with its own knob for Ms."""
     labels = {"Ms, solid": 1.4, "Ms, dashed": 2.0}
     gains = {
         f"Ms {ms}": [*haalman.pida(model, ms, m=10).gains()] for ms in labels.values()
@@ -101,8 +101,8 @@ def live_knob(model):
         knobs=[knob | {"design": k, "label": label} for k, label in enumerate(labels)],
         plots=["nyquist", "load"],
         numbers=["ms", "gm", "pm", "iae"],
-        caption="Turn one of the knobs: each curve touches the circle of radius 1/Ms around −1, and a higher Ms "
-        "holds the load better. PIDA loops on the model; one filter on all terms replaces N, M and F.",
+        caption="Turn one of the knobs. Each curve touches the circle of radius 1/Ms around −1, and a higher Ms "
+        "holds the load better. In these PIDA loops on the model one filter replaces N, M and F.",
         lab=True,
     )
     for drawn, ms in zip(live.state["designs"], labels.values(), strict=True):
@@ -129,7 +129,7 @@ def read_own_model(ratio, alpha):
 
 
 def with_peak(loop, top, t):
-    """Return the step response whose u peaks at `top` by a prefilter 1/(T s + 1)²; without one if it peaks lower."""
+    """Return a step response with the prefilter 1/(T s + 1)² that limits u to `top`, if one is needed."""
 
     def run(T):
         blocks = loop.process, loop.controller, loop.output_filter
@@ -151,12 +151,12 @@ def at_ms(process, controller, ms, order, time):
 
 
 def noise_gain(loop):
-    """Return the standard deviation of u over that of the noise, a new value each 0.01."""
+    """Return the standard deviation of u divided by that of the noise, which changes every 0.01."""
     return pidalab.noise_gain(loop, sample_time=0.01)
 
 
 def at_noise(process, controller, ms, order, gain):
-    """Return the same with the filter time that gives u this noise gain; None where none does."""
+    """Return the loop of `at_ms` with the filter time for this noise gain, or None if there is none."""
 
     def excess(log_time):
         loop = at_ms(process, controller, ms, order, np.exp(log_time))
@@ -170,11 +170,11 @@ def at_noise(process, controller, ms, order, gain):
 
 
 def load_iae(loop):
-    """Return the IAE after a unit step of the load, without noise, to the end."""
+    """Return the IAE after a unit step of the load without noise, integrated to infinity."""
     return pidalab.load_response(loop, np.linspace(0, 400, 8001)).iae(np.inf)
 
 
-# How the paper writes what the ledger calls so.
+# The paper's words for the parts of an id.
 words = {"ex1": "Example 1", "ex2": "Example 2", "pida": "PIDA", "pid": "PID"}
 words |= {"ms14": "Ms 1.4", "ms20": "Ms 2.0", "topdt": "model", "sopdt": "model"}
 words |= {"k": "K", "l": "L", "alpha": "α", "tau": "τ", "delay": "dead time"}

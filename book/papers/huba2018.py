@@ -1,8 +1,7 @@
-"""Setup of the pages on huba2018: orders, plants, and a twin of the thermal plant.
+"""Orders, plants and a simulated thermal plant for the pages on huba2018.
 
-The records of the thermal plant of sec. V are not published. The twin has an assumed
-structure, and gives the printed model (17) when it is identified as the paper
-identifies its plant. It shows what a plausible plant of that kind would do.
+The records of the thermal plant of sec. V are not published. The twin has an assumed structure. Identified as the
+paper identifies its plant, it gives the printed model (17). It shows what a plausible plant of that kind would do.
 """
 
 from itertools import product
@@ -20,12 +19,14 @@ from pidalab.rules import mrdp
 
 ORDERS = range(5)  # derivative orders m of the tables
 TABLE2 = [(m, n) for m in ORDERS for n in range(max(m, 1), 7)]  # its cells
-DESIGNED = [(m, n) for m, n in TABLE2 if n > m]  # those where eq. (9) fixes a place
-UNIT = pidalab.ipdt(gain=1.0, delay=1.0)  # velocity gain and dead time are the units
+DESIGNED = [
+    (m, n) for m, n in TABLE2 if n > m
+]  # those where eq. (9) determines the pole
+UNIT = pidalab.ipdt(gain=1.0, delay=1.0)  # velocity gain and dead time are 1
 THERMAL = pidalab.ipdt(gain=0.01, delay=5.0)  # model in the captions of Figs 5, 7, 8
 SAMPLE = 0.02  # s, sample time of the experiments
 LAMP = (0.0, 80.0)  # %, limits of the lamp power, sec. V.B
-TANGENT = {"gain": 0.01, "delay": 5.56}  # what is identified, eq. (17)
+TANGENT = {"gain": 0.01, "delay": 5.56}  # the printed model, eq. (17)
 
 
 def equal_servo(m, ie):
@@ -41,7 +42,7 @@ def equal_load(m, ie):
 
 
 def noise_in_u(loop, samples=250):
-    """Return the standard deviation of u under white noise of 1, so many samples in a dead time."""
+    """Return the standard deviation of u under white noise of 1, with this many samples in a dead time."""
     w = np.linspace(0.0, samples * np.pi, 10_001)[1:]
     return np.sqrt(np.mean(np.abs(loop.transfer("u", "n", 1j * w)) ** 2))
 
@@ -53,7 +54,7 @@ def thermal_plant(
 
     A body x follows the lamp w, T dx/dt = w - x, with T = `rise` where w > x and `fall`
     otherwise; y = K [(1 - share + share/(conduction s + 1)) x - dip w]/(T_l s + 1)^lags,
-    and w is u after the dead time `delay`. K and T_l are worked out such that the tangent
+    and w is u after the dead time `delay`. K and T_l are chosen such that the tangent
     at the steepest point of a step upwards is eq. (17).
     """
 
@@ -68,7 +69,9 @@ def thermal_plant(
 
     t = np.linspace(0.0, 15 * TANGENT["delay"], 6001)
 
-    def tangent(lag):  # without the true dead time, which just adds to it
+    def tangent(
+        lag,
+    ):  # without the true dead time, which only adds to that of the tangent
         rising = plant(1.0, lag).rising
         undelayed = pidalab.Process(rising.num, rising.den)
         return ipdt_tangent(t, pidalab.open_loop_step(undelayed, t).y)
@@ -116,17 +119,17 @@ def tried(designs, plant, hold=200.0):
     return runs, table.map("{:.1f}".format).replace("nan", "–")
 
 
-def drawn(runs):
+def drawn(runs, size=(6.4, 3.2)):
     """Draw the temperature above lamp power of several runs, with their set point."""
     figure = plots.experiment(runs, "temperature, K", "lamp power, %", "time, s")
-    figure.set_size_inches(6.4, 3.8)
+    figure.set_size_inches(size)
 
 
 def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
-    """Run a loop on UNIT as a solver with variable steps would: times and output.
+    """Return times and output of a loop on UNIT, simulated as by a solver with variable steps.
 
-    Dormand and Prince's pair, with the constants of SciPy. No step is longer than a fiftieth of the run. The dead
-    time is a line between the control signals at the ends of past steps. Tolerances
+    Dormand and Prince's pair, with the constants of SciPy. No step is longer than a fiftieth of the run. The delayed
+    control signal is interpolated linearly between the ends of past steps. Tolerances
     and longest step are the usual defaults.
     """
     blocks = design.loop().blocks
@@ -168,7 +171,7 @@ def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
     return times[: k + 1], np.array(out)
 
 
-# How the paper writes what the ledger calls so
+# The paper's words for the parts of an id.
 WORDS = {"ko": "K_o", "tau_i": "τ_io", "table4": "IAE_s/T_d"}
 WORDS |= {f"tau{j}": f"τ_{j}o" for j in range(1, 5)} | {
     f"n{n}": f"n = {n}" for n in range(7)

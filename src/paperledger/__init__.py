@@ -1,23 +1,25 @@
-"""Comparison of the printed numbers and statements of papers with computed ones.
+"""Compare the printed numbers and statements of papers with computed ones.
 
-A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the paper compute and pass their results::
+A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the paper compute results and pass them::
 
     from paperledger import Ledger
 
-    book = Ledger.open("haalman2024")  # a chapter; its audit adds page="audit/haalman2024"
-    book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # printed / computed, a column for each last part
-    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # a statement, whose row holds the relation
+    book = Ledger.open("haalman2024")  # in a chapter; its audit adds page="audit/haalman2024"
+    book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # returns a table of printed and computed numbers
+    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # decides a statement, whose row contains the relation
     book.close()
 
-A run fails if a value or the evidence of a statement differs from the stored one, a verdict no longer follows, the
-numbers of a declared disagreement begin to agree, an id is unknown, or a row of the page was not passed. Verdicts are
+A run raises an error in these cases. A value or the evidence of a statement differs from the stored one. A verdict no
+longer follows. Numbers that were declared to disagree begin to agree. An id is unknown, or a row of the page was not
+passed. Verdicts are
 
-* ``reproduced``, ``last-digit``, ``approximate``: these follow from the two numbers (see `derive`);
-* ``holds``, ``fails``: these follow from the inequality of two computed numbers that decides a statement;
-* ``misprint``, ``as-read``, ``differs``, ``not-computable``: declared by a person, with the reason in the note.
+* ``reproduced``, ``last-digit``, ``approximate``, which follow from the two numbers (see `derive`);
+* ``holds``, ``fails``, which follow from the inequality of two computed numbers that decides a statement;
+* ``misprint``, ``as-read``, ``differs``, ``not-computable``, which a person declares with the reason in the note.
 
 The basis of a row is the origin of its value: the paper's problem (``computed``), the paper's problem with settings
-that were fitted to these prints (``fitted``), other printed results (``from-print``), or reading alone (``reading``).
+that were fitted to these printed numbers (``fitted``), other printed results (``from-print``), or reading alone
+(``reading``).
 
 ``python -m paperledger update haalman2024`` runs the pages of a paper, stores the results and prints the changes.
 ``show``, ``check``, ``manifest`` and ``readme`` print, validate, freeze and publish.

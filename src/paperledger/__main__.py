@@ -5,7 +5,7 @@ update KEY ...    run the pages of papers and store their results
 show KEY ...      print ledgers, with printed and computed numbers
 check             validate all files, print their scores, and list missing places of papers
 manifest          store all claims, and print changes; review them line by line
-shake LIBRARY KEY ...  run pages with a slightly wrong package, and check that each row changes
+shake LIBRARY KEY ...  run pages while the package returns slightly wrong numbers, and check that each row changes
 readme FILE ...   update the score in Markdown files
 """
 
@@ -51,7 +51,7 @@ def run(command: str, names: Sequence[str]) -> None:
             changes = freeze()
             print(*changes, f"manifest: {'rewritten' if changes else 'up to date'}", sep="\n")
         case "shake":
-            # Importing numpy takes a while, and only this command needs it.
+            # Importing numpy is slow, and only this command needs it.
             from paperledger.shake import Shaker, shake
 
             if not names:
@@ -64,13 +64,13 @@ def run(command: str, names: Sequence[str]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command, by default that of the command line. Return 0, or 1 after printing an error."""
+    """Run a command, by default that of the command line. Return 0, or print an error and return 1."""
     parser = argparse.ArgumentParser("python -m paperledger", usage=__doc__.partition(": ")[2])
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # A console that cannot show τ prints its escape sequence.
+        if hasattr(stream, "reconfigure"):  # a console that cannot show τ prints its escape sequence
             stream.reconfigure(errors="backslashreplace")
     try:
         run(asked.command, asked.names)
@@ -81,5 +81,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    os.environ["MPLBACKEND"] = "Agg"  # Pages must not open windows.
+    os.environ["MPLBACKEND"] = "Agg"  # pages must not open windows
     sys.exit(main())

@@ -24,29 +24,29 @@ MARKS = {"last-digit": "°", "approximate": "~", "differs": "†", "misprint": "
 class Ledger:
     """Printed numbers and statements of one paper, to be compared with computed ones.
 
-    An id may be given without the key of the paper: ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
+    An id may omit the key of the paper, as ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
 
     Parameters
     ----------
     path : pathlib.Path
-        The csv file; its stem is the key of the paper.
+        The csv file, whose stem is the key of the paper.
     rows : sequence of Row
         The rows of the file.
     page : str, optional
-        The notebook that uses it. By default the chapter, which is named after the paper.
+        The notebook that uses the ledger. By default the chapter, which is named after the paper.
     words : mapping of str to str, optional
-        How the paper writes an id, or a part of one, for the labels of `compare`.
+        The paper's notation for ids or parts of ids, which labels of `compare` use.
 
     Attributes
     ----------
     paper : str
         Key of the paper, the first part of every id.
     rows : dict of str to Row
-        By id, in the order of the file.
+        Rows by id, in the order of the file.
     fresh : dict of str to Row
-        Rows with the values that were passed so far.
+        Rows with the values that have been passed.
     refused : list of str
-        The failures so far. `close` raises them again, so that a page cannot suppress them.
+        The errors so far. `close` raises them again, so a page cannot suppress them.
 
     Examples
     --------
@@ -99,11 +99,12 @@ class Ledger:
         paper : str
             Key of the paper, such as ``haalman2024``.
         page : str, optional
-            The notebook that opens it, as a path below ``book`` without suffix, such as ``audit/haalman2024``. By
-            default the chapter, which is named after the paper. `close` checks the rows of this page.
+            The notebook that opens the ledger, as a path below ``book`` without suffix, such as ``audit/haalman2024``.
+            By default the chapter, which is named after the paper. `close` checks the rows of this page.
         folder : path, optional
-            Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
+            Folder of the csv files. By default ``book/ledger``, searched upward from the current directory.
         words : mapping of str to str, optional
+            The paper's notation for ids or parts of ids, such as ``{"kp": "K_P", "ex1": "Example 1"}``.
             How the paper writes an id, or a part of one: ``{"kp": "K_P", "ex1": "Example 1"}``.
 
         Returns
@@ -132,26 +133,27 @@ class Ledger:
         return cls(path, read_rows(path), page, words)
 
     def compare(self, values: Mapping[str, Any], digits: int = DIGITS) -> "pd.DataFrame":
-        """Compare numbers of this run with the printed ones.
+        """Compare numbers of this run with the printed numbers.
 
         Parameters
         ----------
         values : mapping
-            Numbers nested by the parts of their ids, ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``, or by whole ids.
+            Numbers nested by the parts of their ids, as ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``, or by whole ids.
         digits : int, optional
-            Number of significant digits. Fewer than ten need a note that says why, with the word *digits*.
+            Number of significant digits. If there are fewer than ten, the note must say why, with the word *digits*.
 
         Returns
         -------
         pandas.DataFrame
-            ``printed / computed``, a row for each group and a column for each last part. Marks: ``°`` one unit off in
-            the last place, ``~`` within the tolerance of the note, ``*`` misprint or as read, ``†`` differs.
+            Entries ``printed / computed``, with a row for each group and a column for each last part. The mark ``°``
+            means one unit off in the last place, ``~`` within the tolerance of the note, ``*`` misprint or as read, and
+            ``†`` differs.
 
         Raises
         ------
         LedgerError
-            With a line for every value that is unknown, not finite, or different from the stored one, no longer has the
-            verdict of the file, or agrees although it was declared not to.
+            With a line for every value that is wrong. It may be unknown or not finite, differ from the stored value,
+            give another verdict than the file has, or agree although it was declared not to.
 
         Examples
         --------
@@ -184,12 +186,12 @@ class Ledger:
         return frame.rename_axis(columns="printed / computed")
 
     def spell(self, id: str) -> str:
-        """Return an id, or a part of one, in the paper's notation.
+        """Return an id, or a part of an id, in the paper's notation.
 
         Parameters
         ----------
         id : str
-            An id without the key of the paper, or any other label, which is returned unchanged.
+            An id without the key of the paper. Any other label is returned unchanged.
 
         Returns
         -------
@@ -206,15 +208,15 @@ class Ledger:
         return ", ".join(self.words.get(part, part) for part in parts)
 
     def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
-        """Decide a statement by numbers of this run and the relation in its row.
+        """Decide a statement with numbers of this run and the relation in its row.
 
         Parameters
         ----------
         id : str
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Left and right side by case, of which the worst decides (the best if the relation says *some*), or both
-            sides of a single case, or the residual of an identity. ``==`` takes integers.
+            Left and right side for each case. The worst case decides, or the best if the relation says *some*. For a
+            single case, give both sides alone. For an identity, give residuals. ``==`` requires integers.
         digits : int, optional
             As in `compare`.
 
@@ -226,7 +228,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            If a side is not a number of the kind that the relation compares, and as in `compare`.
+            If a side is not a number of the kind that the relation compares, or as in `compare`.
 
         Examples
         --------
@@ -243,20 +245,20 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # A run that only records, such as one with a slightly wrong library, may change the verdict of a case.
+                # A run that only records, as with a slightly wrong library, may change the verdict of a case.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
         except LedgerError as error:
             self.refused += str(error).splitlines()
             raise
-        if relation.is_identity and kept.verdict == "holds":  # its decade depends on the machine
+        if relation.is_identity and kept.verdict == "holds":  # its size depends on the machine
             return f"holds: largest residual ≤ {relation.right}"
         remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # `claims` lists the cases
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:
-        """Return the row of an id, and check that it takes this kind of value."""
+        """Return the row of an id. Check that the row takes this kind of value."""
         row = self.row(id)
         if row.basis == "reading":
             raise LedgerError(f"{row.id}: its basis is reading, so nothing computed belongs there")
@@ -271,7 +273,7 @@ class Ledger:
     def _take(self, fresh: Row) -> Row:
         """Store a row that was passed, unless it disagrees with the file. Return the row to show.
 
-        If it agrees, the stored value is shown and decides the verdict, so that noise never changes a verdict.
+        If the row agrees, the stored value is shown and decides the verdict, so noise never changes a verdict.
         """
         row = self.rows[fresh.id]
         with naming(row.id):
@@ -292,7 +294,7 @@ class Ledger:
         return kept
 
     def row(self, id: str) -> Row:
-        """Return a row, with its print and its precision.
+        """Return a row, with its printed number and the precision of that number.
 
         Parameters
         ----------
@@ -306,7 +308,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            For an unknown id.
+            If the id is unknown.
 
         Examples
         --------
@@ -334,7 +336,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            For an unknown id, or a statement.
+            If the id is unknown or belongs to a statement.
 
         Examples
         --------
@@ -347,16 +349,16 @@ class Ledger:
         return float(row.printed)
 
     def _owed(self) -> list[Row]:
-        """Return the rows that this page has to pass."""
+        """Return the rows that this page must pass."""
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """End a page. Check that every row of this page was passed and none refused, and print their score.
+        """End a page: check that every row was passed and none was refused, and print the score.
 
         Raises
         ------
         LedgerError
-            With the ids that were not passed, and all refusals, also those that the page suppressed.
+            With the ids that were not passed, and all errors, including those that the page suppressed.
 
         Examples
         --------
@@ -373,7 +375,7 @@ class Ledger:
         print(display.score_line(self.page, display.score(self._owed())))
 
     def problems(self) -> list[str]:
-        """List the errors of the file by itself, one line each.
+        """List the errors of the file itself, one line each.
 
         Returns
         -------
@@ -405,13 +407,13 @@ class Ledger:
         return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
     def index(self) -> Display:
-        """Return each printed item, where this book computes it, and the result, in the order of the file.
+        """List each printed item with the place where the book computes it and the result, in the order of the file.
 
         Returns
         -------
         Display
-            A line for each printed item with numbers, and one for the statements. Items link to the heading that names
-            them.
+            A line for each printed item with numbers, and one line for the statements. Items link to the heading that
+            names them.
 
         Examples
         --------
@@ -461,9 +463,9 @@ class Ledger:
 
 @contextmanager
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
-    """Let ledgers that are opened in this context store values without comparing them. Yield these ledgers.
+    """Let ledgers opened in this context store values without comparing them. Yield these ledgers.
 
-    `printed` returns the print of a row that pages then read.
+    `printed` returns the printed entry of a row that pages then read.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
@@ -480,7 +482,7 @@ def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator
 
 
 def _headings(notebook: Path) -> list[str]:
-    """Return the headings of a notebook, none if the file does not exist."""
+    """Return the headings of a notebook, or none if the file does not exist."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"] if notebook.is_file() else []
     texts = ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
     return [heading for text in texts for heading in re.findall(r"^##+ (.+)$", text, re.MULTILINE)]
@@ -501,12 +503,12 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     Parameters
     ----------
     folder : path, optional
-        Folder of the csv files; by default ``book/ledger``, searched upward from the current directory.
+        Folder of the csv files. By default ``book/ledger``, searched upward from the current directory.
 
     Returns
     -------
     dict of str to Ledger
-        By key of the paper, in alphabetical order. A paper without a file is absent.
+        Ledgers by key of the paper, in alphabetical order. A paper without a file is absent.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Show rows as tables of claims and scores: HTML for a page, text for a terminal.
+"""Show rows as tables of claims and scores, in HTML for a page and in text for a terminal.
 
-The HTML carries classes and no styles except the widths of a bar. The colours of ``verdict-…`` are the site's.
+The HTML has classes but no styles, except the widths of a bar. The site colours the classes ``verdict-…``.
 """
 
 import re
@@ -12,7 +12,7 @@ from html import escape
 from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
-GROUPS = {  # Rows whose value comes from the paper's problem are counted by verdict, all others by basis.
+GROUPS = {  # rows computed from the paper's problem are counted by verdict, all others by basis
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to printed values": {
         "fitted-agrees": "agree, settings fitted",
@@ -26,7 +26,7 @@ GROUPS = {  # Rows whose value comes from the paper's problem are counted by ver
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
 BASIS = {"fitted": "settings fitted", "from-print": "from printed values", "reading": "by reading"}
-# A letter, capitals or a bracket with an index, an exponent, or both: K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
+# These match a letter, capitals or a bracket with index or exponent, as in K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
     rf"((?<![A-Za-z])[a-z][\u0300-\u036f]?|[A-Z][\u0300-\u036f]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?"
@@ -36,14 +36,14 @@ _LETTER = re.compile(r"[^\W\d_][\u0300-\u036f]?")  # one letter, optionally with
 
 @dataclass(frozen=True)
 class Display:
-    """Output with two forms: HTML for a notebook, text for everything else.
+    """Output in two forms: HTML for a notebook, and text for everything else.
 
     Parameters
     ----------
     html : str
-        A fragment, the same for the same content.
+        A fragment of HTML. Equal contents give equal fragments.
     text : str
-        The same for a terminal.
+        Text for a terminal.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Display:
 
 @dataclass(frozen=True)
 class Cell:
-    """Entry of a table: text, HTML, class of the HTML cell, and number of columns."""
+    """Entry of a table, with text, HTML, class of the HTML cell, and number of columns."""
 
     text: str
     html: str
@@ -72,7 +72,7 @@ class Cell:
 
 
 def markup(text: str) -> str:
-    """Escape plain text and typeset its symbols, with index, exponent and italic letters.
+    """Escape plain text, and typeset its symbols with indices, exponents and italic letters.
 
     >>> markup("K_-1 of PID_2^2 < 3")
     '<i>K</i><sub>−1</sub> of PID<sub>2</sub><sup>2</sup> &lt; 3'
@@ -98,7 +98,7 @@ def words(text: str) -> Cell:
 
 
 def number(text: str) -> Cell:
-    """Make a cell of a number, which is aligned accordingly."""
+    """Make a cell of a number, which has the alignment of numbers."""
     return Cell(text, escape(text).replace("-", "−"), "number")
 
 
@@ -119,7 +119,7 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        columns = zip(row, header, strict=False)  # No number follows a cell that spans several columns.
+        columns = zip(row, header, strict=False)  # no number follows a cell that spans several columns
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -130,7 +130,7 @@ def grid(
 
 
 def _entry(cell: Cell, column: str, heading: bool) -> str:
-    """Return a cell as HTML. On a phone, where a row becomes a block, the heading of its column labels a number."""
+    """Return a cell as HTML. On a phone a row becomes a block, so a number carries the heading of its column."""
     tag, scope = ("th", ' scope="row"') if heading else ("td", "")
     span = f' colspan="{cell.span}"' if cell.span > 1 else ""
     label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
@@ -138,7 +138,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 
 def verdict(row: Row) -> Cell:
-    """Make a cell of a verdict, with its basis if that is not the paper's problem."""
+    """Make a cell of a verdict. Add the basis if it is not the paper's problem."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, "")
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:
@@ -147,13 +147,13 @@ def verdict(row: Row) -> Cell:
 
 
 def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
-    """Make a cell of a claim and its place that unfolds to the note. A terminal shows the id, an anchor links to it."""
+    """Make a cell of a claim and its place, which unfolds to the note. A terminal also shows the id."""
     text = row.printed if row.is_statement else row.quantity
-    anchor = row.id.replace(".", "-")  # A dot has another meaning in a selector.
+    anchor = row.id.replace(".", "-")  # a dot has another meaning in a selector
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
         said = "".join(f"<p>{markup(line)}</p>" for line in (row.note, *row.made.split(" | ")) if line)
-        if anchored:  # the id to copy
+        if anchored:  # readers can copy the id to cite the row
             cite = f"To cite: row {escape(row.id)} of the account of pidalab"
             said += f'<p class="row-cite">{cite}, <a href="#{anchor}">with this address</a></p>'
         html = f"<details><summary>{html}</summary>{said}</details>"
@@ -175,9 +175,9 @@ def evidence(row: Row, span: int = 1) -> Cell:
 
 
 def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Display:
-    """Show rows: the difference of a number in units of its last printed place, the evidence of a statement.
+    """Show rows with the difference of a number in units of its last printed place, or the evidence of a statement.
 
-    With `why` a column of notes replaces the verdicts. Otherwise a claim unfolds to its note.
+    With `why` a column of notes replaces the verdicts. Otherwise each claim unfolds to its note.
     """
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
@@ -197,7 +197,7 @@ def _numbers(row: Row) -> list[Cell]:
 
 
 def score(rows: Iterable[Row]) -> dict[str, int]:
-    """Count rows by the keys of `KINDS`. Rows without a verdict are ``open``."""
+    """Count rows by the keys of `KINDS`. Rows without a verdict count as ``open``."""
     return {**dict.fromkeys(KINDS, 0), **Counter(map(_kind, rows))}
 
 
@@ -222,7 +222,7 @@ def score_line(name: str, counts: Mapping[str, int]) -> str:
 
 
 def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Display:
-    """Show a score as a bar, optionally with a legend. A screen reader reads `score_line`."""
+    """Show a score as a bar, optionally with a legend. Screen readers read `score_line`."""
     line, shown = score_line(name, counts), {kind: count for kind, count in counts.items() if count}
     total = sum(counts.values())
     parts = "".join(
@@ -236,7 +236,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# Words that replace a verdict where it would mislead, and the plural of first words.
+# These words replace verdicts that would mislead in a summary, or are plurals of their first words.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 

@@ -1,4 +1,4 @@
-"""Output of all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, the manifest."""
+"""Output of all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, and the manifest."""
 
 import re
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ BEGIN, END = "<!-- score -->", "<!-- /score -->"
 
 
 def _title(book: Ledger) -> str:
-    """Return the title of a paper, or its key."""
+    """Return the title of a paper, or its key if there is no title."""
     return book_title(book.paper, book.path.parents[1]) or book.paper
 
 
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
-    """Return the score of all papers and of each, and the lines of their table (kind or None, words, counts).
+    """Return the scores of all papers and of each paper, and the lines of their table (kind or None, words, counts).
 
-    A line without a kind is the sum of the following lines. The total is first, so that a narrow screen shows it.
+    A line without a kind is the sum of the following lines. The total comes first, so that a narrow screen shows it.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}
@@ -74,7 +74,7 @@ def scoreboard(folder: Path | str | None = None) -> Display:
 
 
 def every_row(folder: Path | str | None = None) -> Display:
-    """Show every row of every ledger with an anchor, folded by paper, with links to chapter and audit.
+    """Show every row of every ledger with an anchor. Fold the rows by paper, and link to chapter and audit.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def every_row(folder: Path | str | None = None) -> Display:
 
 
 def errata(verdict: str, folder: Path | str | None = None) -> Display:
-    """Show the rows of one verdict by paper, with the evidence.
+    """Show the rows of one verdict for each paper, with the evidence.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
     Raises
     ------
     LedgerError
-        If the file has no such block or more than one, and as in `load_all`.
+        If the file does not have exactly one such block, or as in `load_all`.
 
     Examples
     --------
@@ -218,7 +218,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
 
 
 def claims(folder: Path | str | None = None) -> str:
-    """Return the text of the manifest, the reviewed entries of each row of a folder."""
+    """Return the text of the manifest, which contains the reviewed entries of each row of a folder."""
     return table(FROZEN, [_frozen(row) for book in load_all(folder).values() for row in book.rows.values()])
 
 
@@ -234,12 +234,12 @@ def _frozen(row: Row) -> Sequence[str]:
 
 
 def freeze(folder: Path | str | None = None) -> list[str]:
-    """Write the manifest, and return the changed lines, old ones marked with - and new ones with +.
+    """Write the manifest. Return the changed lines, with - before old lines and + before new lines.
 
     Raises
     ------
     LedgerError
-        If an id is missing and ``removed.csv`` does not say why. Nothing is written in this case.
+        If an id is missing and ``removed.csv`` gives no reason. Nothing is written in this case.
     """
     place = find_folder(folder)
     file, text, reasons = place / MANIFEST, claims(place), removed(place)

@@ -18,9 +18,9 @@ from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerErro
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the reviewed list of claims, in the folder of the ledgers
 REMOVED = "removed.csv"  # ids that must not be used again, with reasons
-IDENTITY = 1e-9  # largest relative residual of two equal formulas, without a note
-ROUGHEST = 1e-6  # the same with a note
-WORDS = 5  # fewest words of a note that carries a verdict
+IDENTITY = 1e-9  # largest relative residual of two equal formulas without a note
+ROUGHEST = 1e-6  # largest relative residual of two equal formulas with a note
+WORDS = 5  # a note that justifies a verdict must have at least this number of words
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 _MADE = re.compile(
     r"(fit: [1-9]\d{0,8} settings? from [1-9]\d{0,8} numbers?: \w[^|]*)?(?:(?:^| \| )(page|count): \w[^|]*)?"
@@ -29,7 +29,7 @@ _MADE = re.compile(
 
 @contextmanager
 def naming(id: str) -> Iterator[None]:
-    """Prefix an error with the id of its row."""
+    """Add the id of a row to the message of an error."""
     try:
         yield
     except LedgerError as error:
@@ -37,10 +37,10 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return True if settings were fitted, and the reason why the value does not move.
+    """Read the column ``made``. Return whether settings were fitted, and the reason why the value does not change.
 
-    The reason is ``page`` (a formula of the page made it), ``count`` (a whole number, or a place on a grid that a small
-    change does not reach), or empty.
+    The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or a
+    point on a grid that a small change does not move), or empty.
 
     >>> making("fit: 1 setting from 7 numbers: T_F, from Table 3 | count: samples of a record")
     (True, 'count')
@@ -60,15 +60,15 @@ class Row:
     Parameters
     ----------
     id : str
-        Permanent, lower case, dotted, starting with the key of the paper.
+        Permanent id of lower-case words with dots, which starts with the key of the paper.
     where : str
-        Where the paper prints it.
+        Place in the paper where the number or statement is printed.
     quantity : str
-        Quantity with its unit.
+        Name of the quantity, with its unit.
     printed : str
-        The printed number, digit for digit; for a statement, a short paraphrase.
+        The printed number, digit for digit. For a statement, a short paraphrase.
     computed : str, optional
-        The computed number, or ``holds`` or ``fails``. Empty if settled by reading, or not yet computed.
+        The computed number, or ``holds`` or ``fails``. Empty if settled by reading or not yet computed.
     verdict : str, optional
         One of `VERDICTS`, or empty if undecided.
     basis : str, optional
@@ -76,13 +76,13 @@ class Row:
     page : str, optional
         The notebook that passes the row, as a path below ``book`` without suffix. Empty if settled by reading.
     made : str, optional
-        Settings that were fitted to prints, and the reason why the value does not change with a slightly wrong library.
+        Settings that were fitted to printed numbers, and the reason why the value does not change with the library.
     relation : str, optional
         Relation that a statement asserts (see `Relation`).
     evidence : str, optional
-        The inequality of two computed numbers that decides a statement (see `Evidence`).
+        Inequality of two computed numbers that decides a statement (see `Evidence`).
     note : str, optional
-        Reasons, proofs, tolerances: plain text by a person, without numbers that could drift.
+        Reasons, proofs and tolerances. Plain text written by a person, without numbers that could become outdated.
 
     Examples
     --------
@@ -108,12 +108,12 @@ class Row:
 
     @property
     def is_statement(self) -> bool:
-        """True if the paper prints words, not a number. The quantity is then ``statement``."""
+        """True if the paper prints words instead of a number. The quantity is then ``statement``."""
         return self.quantity == "statement"
 
     @property
     def is_number(self) -> bool:
-        """True if a number was computed, so that there is a difference."""
+        """True if a number was computed, so that a difference exists."""
         return not self.is_statement and self.computed != ""
 
     @property
@@ -123,12 +123,12 @@ class Row:
 
     @property
     def half_unit(self) -> float:
-        """Half a unit of the last printed place, the largest distance of the number from its print.
+        """Half a unit of the last printed place, the largest distance of a number from its printed form.
 
         Raises
         ------
         LedgerError
-            For a statement.
+            If the row is a statement.
 
         Examples
         --------
@@ -139,12 +139,12 @@ class Row:
             return float(verdicts.unit(verdicts.read_number(self.printed)) / 2)
 
     def derived(self) -> str | None:
-        """Return the verdict that follows from the entries, None if they disagree.
+        """Return the verdict that follows from the entries, or None if the entries disagree.
 
         Returns
         -------
         str or None
-            For a statement the verdict of its evidence, for a number that of `derive`.
+            For a statement, the verdict of its evidence. For a number, the verdict of `derive`.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class Row:
             return verdicts.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
-        """Return computed minus printed in units of the last printed place, None without numbers.
+        """Return computed minus printed in units of the last printed place, or None if there are no numbers.
 
         Returns
         -------
@@ -178,7 +178,7 @@ class Row:
         return verdicts.difference(self.printed, self.computed) if self.is_number else None
 
     def shown(self) -> str:
-        """Return the computed entry, a number rounded for a reader to two digits more than printed.
+        """Return the computed entry for a reader. A number is rounded to two digits more than printed.
 
         Returns
         -------
@@ -192,12 +192,12 @@ class Row:
         return verdicts.show(self.printed, self.computed) if self.is_number else self.computed
 
     def with_number(self, value: object, digits: int = verdicts.DIGITS) -> "Row":
-        """Return the row with a computed number, written with a number of significant digits.
+        """Return the row with a computed number, written to a number of significant digits.
 
         Parameters
         ----------
         value : number
-            A finite one.
+            A finite number.
         digits : int, optional
             Significant digits to keep.
 
@@ -223,12 +223,12 @@ class Row:
             return replace(self, computed=verdicts.write(number, floor, digits))
 
     def same(self, fresh: "Row") -> bool:
-        """Return True if a new row equals this one, to one unit in the last stored place.
+        """Return True if a new row equals this row, to one unit in the last stored place.
 
         Parameters
         ----------
         fresh : Row
-            The row with what a run computed.
+            The row with the values of a new run.
 
         Returns
         -------
@@ -247,11 +247,11 @@ class Row:
             return verdicts.agrees(fresh.computed, self.computed)
         old, new = Evidence.parse(self.evidence), Evidence.parse(fresh.evidence)
         if Relation.parse(self.relation).is_identity and old.verdict == new.verdict == "holds":
-            return old.right == new.right  # The size of a rounding error depends on the machine.
+            return old.right == new.right  # the size of a rounding error depends on the machine
         return verdicts.same_text(self.evidence, fresh.evidence)
 
     def disagreement(self) -> str | None:
-        """Return why the verdict does not follow from the entries, None if it does.
+        """Return why the verdict does not follow from the entries, or None if it follows.
 
         Returns
         -------
@@ -277,7 +277,7 @@ class Row:
         return f"{self.id}: file says {self.verdict or 'nothing'}, {gives}{advice}"
 
     def problems(self) -> list[str]:
-        """List the errors of the row by itself, one line each.
+        """List the errors of the row itself, one line each.
 
         Returns
         -------
@@ -298,7 +298,7 @@ class Row:
         return [*lines, disagreement] if disagreement else lines
 
     def _malformed(self) -> Iterator[str]:
-        """List entries that are missing, malformed or not allowed. Raise if an entry cannot be read."""
+        """Yield entries that are missing, malformed or not allowed. Raise if an entry cannot be read."""
         reading, statement = self.basis == "reading", ("relation", "evidence")
         computing = ("computed", "page", *(statement if self.is_statement else ()))
         needed = ("where", "quantity", "printed", *(() if reading else computing))
@@ -336,7 +336,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def find_folder(folder: Path | str | None = None) -> Path:
-    """Return a folder of ledgers. By default search for ``book/ledger`` in the current directory and above it."""
+    """Find a folder of ledgers. By default search for ``book/ledger`` in the current directory and its parents."""
     if folder is not None:
         return Path(folder)
     here = Path.cwd()
@@ -379,7 +379,7 @@ def book_title(paper: str, book: Path) -> str:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Read a csv file with these columns, with one line of printable characters for each row."""
+    """Read a csv file with these columns. Each row must be one line of printable characters."""
     with path.open(encoding="utf-8", newline="") as file:
         try:
             header, *lines = [*csv.reader(file, strict=True)] or [[]]
@@ -405,7 +405,7 @@ def removed(folder: Path) -> dict[str, str]:
 
 
 def table(columns: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """Return a csv table as text, with quotes only where needed and a line feed after each line."""
+    """Return a csv table as text, with quotes only where necessary and a line feed after each line."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *lines])
     return text.getvalue()
@@ -422,12 +422,12 @@ def read_rows(path: Path) -> list[Row]:
     Returns
     -------
     list of Row
-        In the order of the file.
+        Rows in the order of the file.
 
     Raises
     ------
     LedgerError
-        If the columns are not those of `Row`, a line is incomplete or an id occurs twice.
+        If the columns are not those of `Row`, a line is incomplete, or an id occurs twice.
 
     Examples
     --------
@@ -467,7 +467,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 
 
 def write_text(path: Path, text: str) -> bool:
-    """Write a file in UTF-8, completely or not at all. Return False if it has this text already."""
+    """Write a file in UTF-8, completely or not at all. Return False if the file already has this text."""
     if path.is_file() and path.read_bytes() == text.encode():
         return False
     beside = path.with_name(f".{path.name}.{os.getpid()}")

@@ -18,7 +18,7 @@ from paperledger.verdicts import DECLARED, LedgerError
 
 
 def pages(paper: str, folder: Path) -> list[Path]:
-    """Find the notebooks of a book that open the ledger of a paper, chapters before audits."""
+    """Find the notebooks of a book that open the ledger of a paper. Chapters come before audits."""
     opened = re.compile(rf"Ledger\.open\(\s*['\"]{re.escape(paper)}['\"]")
     notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     paths = [path for path in notebooks if opened.search("\n".join(cells(path)))]
@@ -33,10 +33,10 @@ def cells(path: Path) -> list[str]:
 
 
 def execute(path: Path) -> Iterator[str]:
-    """Run the code cells of a notebook in its folder, and yield the output and the result of each.
+    """Run the code cells of a notebook in its folder. Yield the output and the result of each cell.
 
-    They run in this process, not in a kernel as with nbclient. So pages pass objects, errors keep their types, a
-    library may be changed after its import, and a ledger does not need Jupyter.
+    The cells run in this process, not in a kernel as with nbclient. Therefore pages can pass objects, errors keep their
+    types, a library may be changed after its import, and a ledger does not need Jupyter.
     """
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
@@ -63,9 +63,9 @@ class Update(NamedTuple):
     Parameters
     ----------
     changes : list of str
-        One line for each entry that changed, old and new.
+        A line for each entry that changed, with its old and new value.
     problems : list of str
-        What a person has to do: verdicts to declare, ids that no page passed.
+        Tasks for a person, such as verdicts to declare and ids that no page passed.
 
     Examples
     --------
@@ -78,18 +78,18 @@ class Update(NamedTuple):
 
 
 def update(paper: str, folder: Path | str | None = None) -> Update:
-    """Run the pages of a paper and store their results, with the verdicts that follow.
+    """Run the pages of a paper, and store their results with the verdicts that follow.
 
-    Values that still agree are kept, so that a second run on another machine changes nothing. Everything that a person
-    wrote is kept, too: order, basis, relations, notes and declared verdicts. A row whose numbers disagree without a
-    declared reason gets no verdict.
+    Values that still agree are kept, so a second run on another machine changes nothing. Everything that a person wrote
+    is also kept: order, basis, relations, notes and declared verdicts. A row whose numbers disagree without a declared
+    reason gets no verdict.
 
     Parameters
     ----------
     paper : str
         Key of the paper.
     folder : path, optional
-        Folder of the csv files, in the folder of the notebooks. By default as in `Ledger.open`.
+        Folder of the csv files, which is inside the folder of the notebooks. By default as in `Ledger.open`.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # A page that closes its ledger reports missing rows first.
+    # Look first at pages that closed their ledgers, since these report missing rows.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)
@@ -145,7 +145,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
 
 
 def _updated(row: Row, fresh: Row) -> Row:
-    """Return the row with the changes of a new one, and the verdict that follows."""
+    """Return a row with the results of a new row, and with the verdict that follows."""
     with naming(row.id):
         new = replace(row, page=fresh.page) if row.same(fresh) else fresh
         return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")
@@ -155,12 +155,12 @@ def _updated(row: Row, fresh: Row) -> Row:
 
 
 def new(paper: str, folder: Path) -> list[Path]:
-    """Write the ledger, the chapter and the audit of a new paper, with only the necessary content.
+    """Write the ledger, the chapter and the audit of a new paper, with the minimum content.
 
     Raises
     ------
     LedgerError
-        If the key is not lower case, or one of the files exists.
+        If the key is not lower case, or if one of the files exists.
     """
     if not re.fullmatch(r"[a-z0-9_-]+", paper):
         raise LedgerError(f"key {paper!r}: expected lower-case letters, digits, - and _, such as haalman2024")
@@ -186,7 +186,7 @@ def _notebook(title: str, *sources: str) -> str:
 
 
 def missing(paper: str, folder: Path) -> list[str]:
-    """List the places of a book, in files that exist, that do not name a paper."""
+    """List the files of a book that should name a paper but do not."""
     book = folder.parent
     places = {
         book / "references.bib": f"{{{paper},",
@@ -209,5 +209,5 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Return only the letters, in lower case, since files write capitals, dashes and indices differently."""
+    """Return only the letters, in lower case. Files differ in capitals, dashes and indices."""
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

@@ -9,19 +9,19 @@ State: wrappers replace every public function, method and property of the packag
 its name occurs. A wrapper calls the unchanged original. `Shaker` counts in ``_inside`` how many calls into the package
 are active.
 
-Invariant: a wrapper changes its result only if it is the outermost call, that is, if ``_inside`` is 0 before and after
-the call. All calls inside the outermost call are exact. So searches converge, and each number is changed only once.
+Invariant: a wrapper changes its result only if it is the outermost call, so ``_inside`` is 0 before and after the call.
+All calls inside the outermost call are exact. Therefore searches converge, and each number is changed only once.
 Constructors and operators are exact, and so is every call inside them.
 
-The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, where each function has its own phase. The
-change is deterministic and between 2 and 6 times ``SIZE``. It differs from number to number, so that the quotient of
-two results changes as well. Whole numbers, 0 and infinities do not change.
+The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``. The phase differs between functions. The
+change is deterministic and between 2 and 6 times ``SIZE``. It varies with x, so that the quotient of two results
+changes as well. Whole numbers, 0 and infinities do not change.
 
-Printed numbers, which a page reads from its ledger, are changed in the same way, a thousand times less. So the size of
-its change shows where a number comes from. A copied number does not change. A number that was computed from printed
-numbers changes by as little as they do, and a number that was computed with the library changes much more. Pages with
-rows of the basis *computed* also run with an exact library and changed printed numbers. In that run, rows with this
-basis must not change.
+Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. The size of
+a row's change therefore shows its origin. A copied number does not change. A number computed from printed numbers
+changes as little as these. A number computed with the library changes much more. Pages with rows of the basis
+*computed* also run with an exact library and changed printed numbers. In that run, rows with this basis must not
+change.
 """
 
 import os
@@ -51,18 +51,18 @@ from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, expone
 SIZE = 1e-5  # the relative change of a number is two to six times this
 PRINTS = 1e-3  # change of a printed number, divided by the change of a result of the library
 COPIED = 1e-9  # a smaller relative change is due to the rounding of a stored number
-# A smaller relative change of a row comes from printed numbers, which change rows by about 4e-8 or a few times as much.
-# The library changes rows by 2e-6 or more.
+# A smaller relative change of a row comes from printed numbers, which change rows by 4e-8 or a few times as much. The
+# library changes rows by 2e-6 or more.
 PRINTED = 1e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
-Runs = Mapping[str, "Run"]  # keys: paths of pages
-Handed = dict[str, tuple[Row, int]]  # keys: ids of rows; values: the row, and the number of its cell
+Runs = Mapping[str, "Run"]  # the keys are paths of pages
+Handed = dict[str, tuple[Row, int]]  # the keys are ids; the values are rows and the numbers of their cells
 
 
 @dataclass
 class Shaker:
-    """Description of a package whose results are changed, and of the exceptions.
+    """A package whose results are changed, with exceptions.
 
     Parameters
     ----------
@@ -74,11 +74,11 @@ class Shaker:
     fields : frozenset of str, optional
         Names of fields that do not change when their object is changed, such as times.
     whole : dict of str to function, optional
-        Keys are names of classes. Each value is a function that changes an object of this class as a whole. Its
-        arguments are the object, and a function that changes a number of the given name. By default each field of an
-        object is changed separately.
+        Functions by the name of a class. Each function changes an object of this class as a whole. Its arguments are
+        the object, and a function that changes a number of a given name. By default each field of an object is changed
+        separately.
     only_prints : bool, optional
-        True to leave the library exact, and change only the printed numbers that pages read.
+        True to keep the library exact, and to change only the printed numbers that pages read.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class Shaker:
         value : any
             A number, an array, a container of these, or an object of the package.
         key : str
-            Name of the function that returned the value. It determines the phase of the change.
+            Name of the function that returned the value, which determines the phase of the change.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class Shaker:
         if id(value) in copies:
             return copies[id(value)][0]
         result = self._compound(value, key, copies)
-        copies[id(value)] = result, value  # the reference keeps the id from being reused
+        copies[id(value)] = result, value  # the reference to `value` prevents reuse of its id
         return result
 
     def _compound(self, value: Any, key: str, copies: dict[int, Any]) -> Any:
@@ -172,13 +172,13 @@ class Shaker:
         copies[id(value)] = result, value
         for name, item in value.__dict__.items():
             if isinstance(getattr(type(value), name, None), property):
-                continue  # a cached value, which is computed again from the changed fields
+                continue  # a cached value is computed again from the changed fields
             kept = name in self.fields
             result.__dict__[name] = item if kept else self._walk(item, f"{key}.{name}", copies)
         return result
 
     def _part(self, key: str, place: Any) -> Any:
-        """Return the relative change of numbers, from the name of a function and the logarithms of their sizes."""
+        """Return the relative change of numbers, given the name of a function and the logarithms of their sizes."""
         phase = crc32(key.encode()) % 6283 / 1000
         return SIZE * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 
@@ -187,7 +187,7 @@ class Shaker:
     def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Wrap a function, or `call` in its place, so that the result of an outermost call is changed."""
+        """Wrap a function, or `call` instead of it, so that the result of an outermost call is changed."""
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
         exact = self.kept_exact(work)
 
@@ -219,7 +219,7 @@ class Shaker:
         for info in walk_packages(getattr(package, "__path__", ()), f"{self.package}."):
             if not info.name.endswith(".__main__"):
                 import_module(info.name)
-        wrapped: dict[int, Any] = {}  # keys: ids of the originals
+        wrapped: dict[int, Any] = {}  # the keys are ids of the originals
         for module in [m for name, m in sys.modules.items() if name.partition(".")[0] == self.package]:
             for name, value in [*vars(module).items()]:
                 home = getattr(value, "__module__", None) or ""
@@ -232,7 +232,7 @@ class Shaker:
                     setattr(module, name, wrapped.setdefault(id(value), self.perturbed(value)))
 
     def _wrap_class(self, kind: type) -> None:
-        """Wrap the public methods and properties of a class, and keep its constructor and operators exact."""
+        """Wrap the public methods and properties of a class. Keep its constructor and operators exact."""
         for name, value in [*vars(kind).items()]:
             new: Any = None
             if name.startswith("_") and name != "__call__":
@@ -245,7 +245,7 @@ class Shaker:
             elif isinstance(value, property) and value.fget:
                 new = property(self.perturbed(value.fget), value.fset, value.fdel, value.__doc__)
             elif isinstance(value, cached_property):
-                new = property(self.perturbed(value.func, value.__get__))  # the object stores the exact value
+                new = property(self.perturbed(value.func, value.__get__))  # the object caches the exact value
             if new is not None:
                 setattr(kind, name, new)
 
@@ -255,14 +255,14 @@ class Shaker:
 
 @dataclass(frozen=True)
 class Run:
-    """Result of running one page: the rows that the page passed to its ledgers.
+    """Result of running one page, with the rows that the page passed to its ledgers.
 
     Parameters
     ----------
     page : str
         Path of the page below the folder of the book, without suffix.
     handed : dict of str to tuple
-        For the id of each row, the row with the passed value and the number of the cell.
+        The row with the passed value, and the number of the cell, by the id of the row.
     wrong : tuple of str
         Errors that stopped the page.
 
@@ -278,7 +278,7 @@ class Run:
 
 
 class _Print(str):
-    """Printed number that is unchanged as a text, and slightly changed when it is converted to a float."""
+    """Printed number that is unchanged as text, but slightly changed when it is converted to a float."""
 
     shaken: float
 
@@ -287,10 +287,10 @@ class _Print(str):
 
 
 def _shaken_print(row: Row, shaker: Shaker) -> str:
-    """Return the printed value of a row as a page reads it, with a change that differs from row to row."""
+    """Return the printed value of a row with a small change, which differs from row to row."""
     try:
         exact = float(read_number(row.printed))
-    except LedgerError:  # a statement, or a file that `check` refuses
+    except LedgerError:  # the row is a statement, or the file is one that `check` refuses
         return row.printed
     text = _Print(row.printed)
     text.shaken = exact + PRINTS * (shaker.off(exact, row.id) - exact)
@@ -302,7 +302,7 @@ def _name(path: Path, book: Path) -> str:
 
 
 def run(path: Path, book: Path, shaker: Shaker) -> Run:
-    """Run one page of a book with changed printed numbers and with the library as it is imported."""
+    """Run one page of a book with changed printed numbers. The library stays as it is imported."""
     name = _name(path, book)
     handed: Handed = {}
     number, wrong = 0, []
@@ -322,7 +322,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
 
 
 def distance(old: Row, new: Row) -> float:
-    """Return the relative change of a row. For a statement, the side of an inequality that changes most counts.
+    """Return the relative change of a row. For a statement, return the largest change of a side of an inequality.
 
     >>> one = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
@@ -330,7 +330,7 @@ def distance(old: Row, new: Row) -> float:
     """
     identity = old.is_statement and Relation.parse(old.relation).is_identity
     if identity and Evidence.parse(new.evidence).verdict == "holds" and float(_numbers(new)[0]) <= PRINTED:
-        return 0.0  # A residual due to rounding may change, since only its decade is stored.
+        return 0.0  # only the decade of a residual is stored, so a residual due to rounding may change
     return max(map(_apart, _numbers(old), _numbers(new)))
 
 
@@ -350,7 +350,7 @@ def _apart(old: str, new: str) -> float:
 
 
 def _rounded(old: Row, new: Row) -> bool:
-    """Return True if a number was rounded: it changed, and ends in zeros before and after the change."""
+    """Return True if a number was rounded, so that it changed but ends in zeros before and after the change."""
     return any(
         _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a
         for a, b in zip(_numbers(old), _numbers(new), strict=False)
@@ -358,7 +358,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if the computed value of a row is its own printed number, as the page reads that number."""
+    """Return True if the computed value of a row equals its own printed number, as the page reads this number."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -367,7 +367,7 @@ def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
 
 
 def _starts_clean(row: Row) -> bool:
-    """Return True if no printed number may enter a row. A statement may be about printed numbers."""
+    """Return True if no printed number may affect a row. A statement may be about printed numbers."""
     return row.basis == "computed" and not row.is_statement
 
 
@@ -379,7 +379,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     row : Row
         The stored row.
     new : Row
-        The same row from a changed run. Either library and printed numbers are changed, or only printed numbers.
+        The same row from a changed run, in which the library and printed numbers are changed, or only printed numbers.
     shaker : Shaker
         Shaker of that run.
 
@@ -406,7 +406,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
         return f"moves by {far:.1e} when only printed numbers change: its basis is from-print or fitted"
     if _own_print(row, new, shaker):
         return "is its own printed number"
-    # Changes of several printed numbers may nearly cancel, so a row from them counts as copied only if it is unchanged.
+    # Changes of several printed numbers may nearly cancel. A row computed from them counts as copied only if unchanged.
     if far < (COPIED if row.basis != "from-print" else 1e-12):
         return "" if stays else f"stays at {value}"
     if stays == "count" and _rounded(row, new):  # the count moved to the next point of a grid
@@ -435,18 +435,18 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
     Parameters
     ----------
     rows : sequence of Row
-        The rows that some page has to pass.
+        The rows that some page must pass.
     shaker : Shaker
         Shaker of the runs.
     runs : mapping of str to Run
-        For each page, the run with a changed library and changed printed numbers.
+        Runs by page, with a changed library and changed printed numbers.
     exact : mapping of str to Run
-        For some pages, the run with an exact library and changed printed numbers.
+        Runs of some pages, with an exact library and changed printed numbers.
 
     Returns
     -------
     list of str
-        First a line with the counts, then one line for each row that is refused.
+        A line with the counts, then a line for each row that is refused.
 
     Examples
     --------
@@ -469,7 +469,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
 
 
 def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]:
-    """Run pages in forked processes, which inherit the imports, `WORKERS` at a time. Return the run of each page."""
+    """Run pages in forked processes, `WORKERS` at a time. These inherit the imports. Return the run of each page."""
     fork, waiting = get_context("fork"), [*paths]
     running: dict[Any, tuple[str, Any]] = {}
     results: dict[str, Run] = {}
@@ -500,17 +500,17 @@ def shake(
 ) -> int:
     """Run all pages of some papers with a changed library, and print which rows change.
 
-    First, pages with rows of the basis *computed* run with an exact library and changed printed numbers. In this run
+    First, pages with rows of the basis *computed* run with an exact library and changed printed numbers. In this run,
     rows with this basis must not change.
 
     Parameters
     ----------
     shaker : Shaker
-        Package and exceptions. In this process the package remains wrapped afterwards.
+        Package and exceptions. In this process the package stays wrapped afterwards.
     folder : path, optional
-        Folder of the csv files; by default as in `Ledger.open`.
+        Folder of the csv files. By default as in `Ledger.open`.
     keys : sequence of str
-        Keys of papers, empty for all.
+        Keys of papers. If empty, all papers are used.
     prepare : callable, optional
         Function that is called once before the pages run, for example to compile code.
 
@@ -522,7 +522,7 @@ def shake(
     Raises
     ------
     LedgerError
-        On a system that cannot fork processes, such as Windows.
+        If the system cannot fork processes, as Windows.
     """
     if not hasattr(os, "fork"):
         raise LedgerError("shake takes a system that can fork processes, such as Linux")
@@ -530,7 +530,7 @@ def shake(
     book, chosen = place.parent, [*keys] or papers(place)
     all_rows = {paper: Ledger.open(paper, folder=place).rows.values() for paper in chosen}
     rows = {paper: [row for row in some if row.basis != "reading"] for paper, some in all_rows.items()}
-    # Long pages start first, so that none runs alone at the end.
+    # Start long pages first, so that no long page runs alone at the end.
     paths = sorted({p for paper in chosen for p in pages(paper, place)}, key=lambda p: -p.stat().st_size)
     clean = {row.page for some in rows.values() for row in some if _starts_clean(row)}
     os.environ["MPLBACKEND"] = "Agg"

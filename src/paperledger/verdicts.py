@@ -1,10 +1,10 @@
 """Verdicts that follow from numbers, for printed numbers and for statements.
 
-Printed digits are compared as decimals, since ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper, but not in
+Printed digits are compared as decimals, since ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper but not in
 binary.
 
 A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. Its row stores the inequality that
-decides it: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
+decides the statement: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
 """
 
 import operator
@@ -17,15 +17,15 @@ from math import isfinite, isinf, isnan
 from numbers import Integral
 from typing import Any, Self, SupportsFloat
 
-Pair = tuple[float, float]  # integers stay integers
+Pair = tuple[float, float]  # integers remain integers
 Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
-WIDEST = Decimal("0.05")  # largest tolerance, as a share of the print
-LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number and its power of ten; every double fits
+WIDEST = Decimal("0.05")  # largest tolerance, as a share of the printed number
+LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number, and its power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
-# The numbers of a declared disagreement must not give one of these.
+# Numbers that were declared to disagree must not give one of these verdicts.
 AGREEING = ("reproduced", "approximate", "holds", "holds-in-part")
 BASES = ("computed", "fitted", "from-print", "reading")
 
@@ -38,7 +38,7 @@ _WIDE = Context(prec=700)  # enough digits for any double and any printed place
 
 
 class LedgerError(ValueError):
-    """Raised if a ledger and the computed numbers disagree, with one line for each finding.
+    """Raised if a ledger and the computed numbers disagree. The message has one line for each finding.
 
     Examples
     --------
@@ -73,20 +73,20 @@ def plain(value: Any) -> int | float:
 
 
 def exponent(number: Decimal) -> int:
-    """Return the power of ten of the last written place, -2 for ``1.30``."""
+    """Return the power of ten of the last written place, such as -2 for ``1.30``."""
     return int(number.as_tuple().exponent)
 
 
 def unit(number: Decimal) -> Decimal:
-    """Return one unit in the last written place, 0.01 for ``1.30``."""
+    """Return one unit in the last written place, such as 0.01 for ``1.30``."""
     return Decimal(1).scaleb(exponent(number))
 
 
 def agrees(fresh: str, stored: str) -> bool:
-    """Return True if a new number equals a stored one, to one unit in the last stored place or 1e-9 of it.
+    """Return True if a new number equals a stored number, to one unit in the last stored place or 1e-9 of it.
 
-    A stored number with fewer digits than the new one does not agree, since it would hide a change. One digit less is
-    allowed (9.99... and 10.0... have ten digits each), and so are ten decimals of a computed zero.
+    A stored number with fewer digits than the new number does not agree, since it would hide a change. A difference of
+    one digit is allowed (9.99... and 10.0... both have ten digits). So are ten decimals of a computed zero.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -125,7 +125,7 @@ def shorten(text: str, digits: int) -> str:
 
 
 def same_text(old: str, new: str) -> bool:
-    """Return True if two texts agree: words and whole numbers exactly, decimals by `agrees`.
+    """Return True if two texts agree. Words and whole numbers must be equal, decimals must agree by `agrees`.
 
     >>> same_text("worst of 2: a; ratio 0.31", "worst of 2: a; ratio 0.32"), same_text("2 of 10", "3 of 10")
     (True, False)
@@ -137,7 +137,7 @@ def same_text(old: str, new: str) -> bool:
 
 
 def show(printed: str, computed: str) -> str:
-    """Round a stored number for a reader to two digits more than printed, at least three, if it has them.
+    """Round a stored number for a reader to two digits more than printed, and to at least three digits.
 
     >>> show("1.31", "1.309812345"), show("1200", "0.001234567890"), show("0.382", "0.38")
     ('1.3098', '0.00123', '0.38')
@@ -150,11 +150,11 @@ def show(printed: str, computed: str) -> str:
 
 def _text(number: Decimal, place: int) -> str:
     rounded = number.quantize(Decimal(1).scaleb(place), context=_WIDE)
-    return str(rounded).lower() if rounded else f"{abs(rounded):f}"  # never "-0" or "0e-12"
+    return str(rounded).lower() if rounded else f"{abs(rounded):f}"  # this never gives "-0" or "0e-12"
 
 
 def tolerance(note: str, printed: Decimal) -> Decimal | None:
-    """Read the tolerance in a note: ``tolerance 1 %`` of the printed number, or ``tolerance 0.02`` in its units.
+    """Read the tolerance in a note, ``tolerance 1 %`` of the printed number or ``tolerance 0.02`` in its units.
 
     >>> tolerance("measured with noise: tolerance 5 %", Decimal("2.0"))
     Decimal('0.10')
@@ -166,7 +166,7 @@ def tolerance(note: str, printed: Decimal) -> Decimal | None:
         raise LedgerError("the note sets more than one tolerance")
     size, percent = tolerances[0]
     width = Decimal(size) * (abs(printed) / 100 if percent else 1)
-    if width < unit(printed) / 2:  # A value could then round to the print and still be refused.
+    if width < unit(printed) / 2:  # a value that rounds to the printed number could otherwise be refused
         raise LedgerError(f"the tolerance {width} is finer than the printed digits of {printed}")
     if width > max(WIDEST * abs(printed), unit(printed) / 2):
         raise LedgerError(f"the tolerance {width} is wider than 5 % of {printed}: declare why it differs")
@@ -187,26 +187,26 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
     """Return the verdict that follows from two numbers.
 
     A tie counts as agreement, since a paper may round it either way. If a note sets a tolerance, the digits are not
-    expected to match. Then a number within it is ``approximate``, even if it happens to round to the print.
+    expected to match. A number within the tolerance is then ``approximate``, even if it rounds to the printed number.
 
     Parameters
     ----------
     printed, computed : str
-        Two numbers, with the digits that they have.
+        Two numbers with all their digits.
     note : str, optional
-        Searched for a tolerance: ``tolerance 1 %`` of the print, or ``tolerance 0.02`` in its units.
+        Note that may set a tolerance: ``tolerance 1 %`` of the printed number, or ``tolerance 0.02`` in its units.
 
     Returns
     -------
     str or None
-        ``reproduced``, ``last-digit`` or ``approximate``. None if the numbers disagree, so that a person has to declare
-        why.
+        ``reproduced``, ``last-digit`` or ``approximate``. None if the numbers disagree, so that a person must declare
+        the reason.
 
     Raises
     ------
     LedgerError
-        If an entry is not a number, the note sets more than one tolerance, or one that is finer than the print or wider
-        than 5 % of it.
+        If an entry is not a number, or if the note sets several tolerances. Also if the tolerance is finer than the
+        printed digits or wider than 5 % of the printed number.
 
     Examples
     --------
@@ -226,21 +226,21 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
 # --- statements -----------------------------------------------------------------------------------------------------
 
 ROUNDING = "rounding"  # the convention of an identity
-SIGNS = {  # The comparison, and signs for a reader if it holds and if it fails.
+SIGNS = {  # the comparison, and the signs for a reader if it holds and if it fails
     "<": (operator.lt, "<", "≮"),
     "<=": (operator.le, "≤", "≰"),
     ">": (operator.gt, ">", "≯"),
     ">=": (operator.ge, "≥", "≱"),
     "==": (operator.eq, "=", "≠"),
-    "≈": (operator.eq, "≈", "≉"),  # always with a convention, whose bounds decide
+    "≈": (operator.eq, "≈", "≉"),  # this sign needs a convention, whose bounds decide
 }
 _PARTS = re.compile(r"(holds|fails) for: (.+)")
 _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?: \| (.+))?")
 
 
-# The conventions of all papers: by sign the bounds that must hold, each a sign and a factor of the right side. The page
-# *Notation* defines the words.
+# Conventions of all papers. For each sign they list the bounds that must hold, each with a sign and a factor of the
+# right side. The page *Notation* defines the words.
 CONVENTIONS = {
     "similar": {"≈": ">= 0.9, <= 1/0.9"},
     "slightly": {"<": "<, >= 0.9", ">": ">, <= 1/0.9"},
@@ -260,20 +260,20 @@ class Relation:
     Parameters
     ----------
     left : str
-        Name of the left side, possibly empty.
+        Name of the left side, which may be empty.
     sign : str
-        One of ``< <= > >= == ≈``; ``==`` is for integers, ``≈`` needs a convention.
+        One of ``< <= > >= == ≈``. ``==`` is for integers, and ``≈`` needs a convention.
     right : str
         Name of the right side, or the tolerance of an identity.
     convention : str
-        A key of `CONVENTIONS`, ``rounding`` for an identity, whose left side is a residual, or empty.
+        A key of `CONVENTIONS`; ``rounding`` for an identity, whose left side is a residual; or empty.
     some : bool
         True if one case is enough. By default every case must hold.
     parts : tuple of str
-        For a statement that holds in part, the cases that are declared to hold, or to fail. A case belongs to a part
-        with its name, or with the beginning of its name: ``ex2, Ms 1.4`` to ``ex2``.
+        For a statement that holds in part, the cases that are declared to hold or to fail. A case belongs to a part if
+        its name is or begins with the part, as ``ex2, Ms 1.4`` begins with ``ex2``.
     parts_hold : bool
-        True if the parts hold and all other cases fail, False for the reverse.
+        True if the parts hold and all other cases fail. False if the parts fail and all other cases hold.
 
     Examples
     --------
@@ -294,12 +294,12 @@ class Relation:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read the column of a row.
+        """Read the column ``relation`` of a row.
 
         Parameters
         ----------
         text : str
-            Left name, sign, right name, then after ``|`` an optional convention, and optionally ``some``, or
+            Left name, sign and right name. After ``|`` may follow a convention, and then ``some``,
             ``holds for: ex1; ex2``, or ``fails for: ex3``.
 
         Returns
@@ -309,7 +309,7 @@ class Relation:
         Raises
         ------
         LedgerError
-            If it is not a relation, or the convention does not go with the sign.
+            If the text is not a relation, or if the convention does not exist for the sign.
 
         Examples
         --------
@@ -335,23 +335,23 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True for a residual that is compared with rounding. Only its decade is stored."""
+        """True if the relation compares a residual with rounding. Only the decade of such a residual is stored."""
         return self.convention == ROUNDING
 
     @property
     def words(self) -> str:
-        """The relation for a reader."""
+        """The relation in words for a reader."""
         sides = (self.left, SIGNS[self.sign][1], self.right) if self.left or self.right else ()
         said = (" ".join(filter(None, sides)), self.convention, "in some case" * self.some)
         return ", ".join(filter(None, said))
 
     def decide(self, cases: Cases, digits: int = DIGITS, strict: bool = True) -> "Evidence":
-        """Find the decisive case, the worst one, or the best if one is enough.
+        """Find the decisive case. This is the worst case, or the best case if one is enough.
 
         Parameters
         ----------
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Both sides by case, or of a single case. For an identity residuals by case, or a single one.
+            Both sides for each case, or both sides of a single case. For an identity, residuals or a single residual.
         digits : int, optional
             Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
@@ -364,7 +364,7 @@ class Relation:
         Raises
         ------
         LedgerError
-            If there is no case, or a side is not a number of the kind that the relation compares.
+            If there is no case, or if a side is not a number of the kind that the relation compares.
 
         Examples
         --------
@@ -379,7 +379,7 @@ class Relation:
         if self.is_identity:
             return self._residual([float(plain(value)) for value in named.values()])
         pairs = {_name(key): _pair(value) for key, value in named.items()}
-        if self.convention in ("settled", "identical"):  # how far off, to either side
+        if self.convention in ("settled", "identical"):  # compare distances to either side
             pairs = {name: (abs(left), abs(right)) for name, (left, right) in pairs.items()}
         if self.parts:
             return self._in_part(pairs, digits, strict)
@@ -388,7 +388,7 @@ class Relation:
         return self._evidence(pairs, digits, which)
 
     def _evidence(self, pairs: dict[str, Pair], digits: int, which: str) -> "Evidence":
-        """Return the evidence of the case that is nearest to failing, or to holding if one case is enough."""
+        """Return the evidence of the case that is closest to failing, or closest to holding if one case is enough."""
         slack = {name: self._slack(*pair) for name, pair in pairs.items()}
         name = (max if self.some else min)(slack, key=lambda case: slack[case][0])
         remark = "; ".join(filter(None, (which.format(name), _ratios([*pairs.values()]))))
@@ -397,7 +397,7 @@ class Relation:
         return Evidence(left, *slack[name][1], right, remark)
 
     def _in_part(self, pairs: dict[str, Pair], digits: int, strict: bool) -> "Evidence":
-        """Return the evidence of the weakest part that holds and of the part that fails by least."""
+        """Return the evidence of the weakest case that holds and of the case that fails by the least."""
         if idle := [part for part in self.parts if not any(_belongs(name, part) for name in pairs)]:
             raise LedgerError(f"no case is called {' or '.join(idle)}; there are {'; '.join(pairs)}")
         declared = {n: any(_belongs(n, part) for part in self.parts) == self.parts_hold for n in pairs}
@@ -417,7 +417,7 @@ class Relation:
         return replace(decisive[0], but=decisive[1])
 
     def _slack(self, left: float, right: float) -> tuple[float, tuple[str, str]]:
-        """Return the relative distance of a case from its nearest bound, negative if it fails, and that bound."""
+        """Return the relative distance of a case from its nearest bound, and the bound. Negative if the case fails."""
         if self.sign == "==" and not (isinstance(left, int) and isinstance(right, int)):
             raise LedgerError(f"'==' is for integers, found {left!r} and {right!r}; a residual takes <=")
         if self.convention and not (0 <= left < float("inf") and 0 <= right < float("inf")):
@@ -428,12 +428,12 @@ class Relation:
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
-            # It is rounded, so that rounding errors never exchange two equal cases.
+            # Round the distance, so that rounding errors never change the order of two equal cases.
             bounds.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
         return min(bounds, key=lambda pair: pair[0])
 
     def _residual(self, residuals: list[float]) -> "Evidence":
-        """Return the evidence of the largest residual: its decade, or all digits if it is larger than rounding."""
+        """Return the evidence of the largest residual: its decade, or all digits if it exceeds rounding."""
         largest, tolerance = max(map(abs, residuals)), float(self.right)
         if not isfinite(largest):
             raise LedgerError(f"a residual is finite, found {largest}")
@@ -460,7 +460,7 @@ class Evidence:
     remark : str, optional
         Number of cases of which this is the worst, and the range of the ratio of both sides.
     but : Evidence, optional
-        For a statement that holds in part, the inequality that fails, after `` || `` in the row.
+        For a statement that holds in part, the inequality that fails. It stands after `` || `` in the row.
 
     Examples
     --------
@@ -492,7 +492,7 @@ class Evidence:
         Raises
         ------
         LedgerError
-            If it is not an inequality of two numbers.
+            If the text is not an inequality of two numbers.
 
         Examples
         --------
@@ -515,7 +515,7 @@ class Evidence:
 
     @property
     def inequalities(self) -> tuple["Evidence", ...]:
-        """The one inequality, or both of a statement that holds in part."""
+        """The inequality, or both inequalities of a statement that holds in part."""
         return (replace(self, but=None), *((self.but,) if self.but else ()))
 
     @property
@@ -529,7 +529,7 @@ class Evidence:
         return "holds" if SIGNS[self.sign][0](_exact(self.left), asked) else "fails"
 
     def shown(self) -> str:
-        """Return the inequality for a reader, with four digits or as many as distinguish both sides, and a true sign.
+        """Return the inequality for a reader, with the sign that is true. Show enough digits to distinguish both sides.
 
         Returns
         -------
@@ -555,7 +555,7 @@ def _name(key: object) -> str:
 
 
 def _belongs(name: str, part: str) -> bool:
-    """Return True if the name of a case is that of a part, or begins with it."""
+    """Return True if the name of a case is or begins with the name of a part."""
     return name == part or name.startswith(f"{part}, ")
 
 
@@ -567,14 +567,14 @@ def _pair(value: object) -> Pair:
 
 
 def _side(value: float, scale: float, digits: int) -> str:
-    """Write one side. An integer stays, and digits below 1e-12 of the larger side are dropped as noise."""
+    """Write one side. Integers stay integers. Digits below 1e-12 of the larger side are dropped as noise."""
     if isinstance(value, int) or isinf(value):
         return str(value)
     return write(value, Decimal(repr(float(scale))).adjusted() - 12 if scale else -400, digits)
 
 
 def _ratios(pairs: list[Pair]) -> str:
-    """Return the range of left over right in words, if all are positive real numbers."""
+    """Return the range of left divided by right in words, if all are positive real numbers."""
     sides = [side for pair in pairs for side in pair]
     if all(isinstance(side, int) for side in sides) or not all(0 < side < float("inf") for side in sides):
         return ""
@@ -583,7 +583,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or as many as distinguish it from 1. A tiny or huge one may be rounding."""
+    """Round a ratio to two digits, or to as many as distinguish it from 1. A tiny or huge ratio may be rounding."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

@@ -1,6 +1,6 @@
-"""PIDA control: processes with dead time, loops simulated exactly, and tuning rules.
+"""PIDA control with processes with dead time, exactly simulated loops, and tuning rules.
 
-Data flow in one direction, in the library and in every chapter of the book::
+Data flow in one direction, in the library as in every chapter of the book::
 
     step data -> identify -> Process -> rule -> controller -> Loop -> Response -> measures -> figure, ledger
 

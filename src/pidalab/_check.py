@@ -1,4 +1,4 @@
-"""Argument checks, with messages in one style."""
+"""Checks of arguments, with error messages in one style."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-# although float() accepts some of them
+# float() accepts some of these types, but they are not numbers.
 NO_NUMBERS = (str, bytes, bool, np.bool_, np.datetime64, np.timedelta64)
 
-LARGEST = 1e150  # its square does not overflow
-BLOCK = 4096  # numbers that are checked together
+LARGEST = 1e150  # the square of this number does not overflow
+BLOCK = 4096  # number of values that are checked together
 INDICES = np.arange(BLOCK)
-HIGHEST = 400  # highest order of a lag, a filter or an expansion; with more, polynomials overflow in double precision
+HIGHEST = 400  # polynomials of lags, filters or expansions with a higher order overflow in double precision
 
 
 def real(
     name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf, at_most: float = math.inf
 ) -> float:
-    """Return `value` as a finite float within bounds, or raise naming the argument."""
+    """Return `value` as a finite float within bounds. Otherwise raise an error that names the argument."""
     try:
         if isinstance(value, NO_NUMBERS):
             raise TypeError
@@ -41,7 +41,7 @@ def real(
 
 
 def integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) -> int:
-    """Return `value` as an int from `at_least` to `at_most`, or raise naming the argument."""
+    """Return `value` as an int from `at_least` to `at_most`. Otherwise raise an error that names the argument."""
     number = real(name, value)
     if not number.is_integer() or number < at_least:
         raise ValueError(f"{name} must be a whole number, at least {at_least}, found {value!r}")
@@ -51,19 +51,19 @@ def integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) 
 
 
 def order(name: str, value: Any, *, at_least: int) -> int:
-    """Return `value` as the order of a lag, a filter or an expansion, or raise naming the argument."""
+    """Return `value` as the order of a lag, filter or expansion. Otherwise raise an error that names the argument."""
     return integer(name, value, at_least=at_least, at_most=HIGHEST)
 
 
 def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
-    """Raise unless `value` is one of the allowed words; None may be one of them."""
+    """Raise unless `value` is one of the allowed words. None may be allowed."""
     if not isinstance(value, str | None) or value not in allowed:
         *others, last = map(repr, allowed)
         raise ValueError(f"{name} must be {', '.join(others)} or {last}, found {value!r}")
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return a hint for an error message if an attribute of `value` has the wanted type, otherwise an empty text."""
+    """Return a hint for an error message if an attribute of `value` has the expected type, else an empty text."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"
@@ -71,7 +71,7 @@ def carrier(value: Any, kind: type) -> str:
 
 
 def _require_plain(name: str, value: Any, what: str) -> None:
-    """Raise for an array whose unit of time or mask would be lost in conversion."""
+    """Raise if conversion would lose the unit of time or the mask of an array."""
     kind = getattr(value, "dtype", None)
     if isinstance(kind, np.dtype) and kind.kind in "mM":
         raise TypeError(
@@ -82,7 +82,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
 
 
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
-    """Return a copy as an array of any shape. Text and other kinds of data are refused."""
+    """Return a copy as an array of any shape. Raise for text and other kinds of data."""
     if type(value) is np.ndarray and value.dtype == kind:
         return value.copy()
     _require_plain(name, value, what)
@@ -98,17 +98,17 @@ def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> 
 
 
 def _real_array(name: str, value: ArrayLike) -> Array:
-    """Return a copy as a float array of any shape. Raise for imaginary parts."""
+    """Return a copy as a float array of any shape. Raise if there are imaginary parts."""
     return _copied(name, value, float, "cUSOmM", "an array of real numbers")
 
 
 def array(name: str, value: ArrayLike) -> Array:
-    """Return `value` as a finite, non-empty float array of any shape, or raise naming the argument."""
+    """Return `value` as a finite, non-empty float array of any shape. Otherwise raise and name the argument."""
     return _finite(name, _real_array(name, value))
 
 
 def _finite(name: str, values: Array) -> Array:
-    """Return an array. Raise if it is empty or contains NaN or infinity."""
+    """Return an array unchanged. Raise if it is empty or contains NaN or infinity."""
     if not values.size:
         raise ValueError(f"{name} must hold at least one number, found shape {values.shape}")
     if not all_finite(values):
@@ -119,13 +119,13 @@ def _finite(name: str, values: Array) -> Array:
 
 
 def all_finite(values: Array) -> bool:
-    """Return True if all numbers are finite. Their sum shows it without another array, unless it overflows."""
+    """Return True if all numbers are finite. Test their sum first, which needs no further array."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(np.add.reduce(values, axis=None)) or np.isfinite(values).all())
 
 
 def complex_array(name: str, value: ArrayLike) -> Any:
-    """Return `value` as finite complex numbers of any shape. Text is refused."""
+    """Return `value` as finite complex numbers of any shape. Raise for text."""
     array = _copied(name, value, complex, "USOmM", "complex numbers")
     finite = np.isfinite(array)
     if not finite.all():
@@ -134,12 +134,12 @@ def complex_array(name: str, value: ArrayLike) -> Any:
 
 
 def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
-    """Return `value` as a finite one-dimensional float array, or raise naming the argument."""
+    """Return `value` as a finite one-dimensional float array. Otherwise raise an error that names the argument."""
     return _one_dimensional(name, _real_array(name, value), minimum_length)
 
 
 def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array:
-    """Return a finite array of one dimension, or raise."""
+    """Return a finite one-dimensional array unchanged. Raise for any other array."""
     if values.ndim != 1 or values.size < minimum_length:
         raise ValueError(
             f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {values.shape}"
@@ -148,7 +148,7 @@ def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array
 
 
 def polynomial(name: str, value: ArrayLike) -> Array:
-    """Return descending coefficients without leading zeros. The zero polynomial is ``[0.]``."""
+    """Return descending coefficients without leading zeros. Return ``[0.]`` for the zero polynomial."""
     array = _real_array(name, value)
     array = _one_dimensional(name, array if array.ndim else array.reshape(1))
     if not array[0]:
@@ -168,19 +168,19 @@ def proper(what: str, num: Array, den: Array) -> None:
 
 
 def uniform_time(name: str, value: ArrayLike) -> Array:
-    """Return a uniform time grid that starts at 0, or raise naming the first time that is not uniform."""
+    """Return a uniform time grid that starts at 0. Otherwise raise an error that names the first wrong time."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
         raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract that time")
     step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
-    # This works block by block, since new memory takes longer than the arithmetic.
+    # Check block by block, since allocating memory for all would take longer than the arithmetic.
     for start in range(0, t.size, BLOCK):
         block = t[start : start + BLOCK]
         grid = step * (start + INDICES[: block.size])
         off = np.abs(block - grid)
-        if off.max() > 1e-6 * step:  # Times stored in single precision have relative errors.
+        if off.max() > 1e-6 * step:  # times stored in single precision have relative errors
             far = np.flatnonzero(off > 1e-6 * (step + grid))
             if far.size:
                 i = int(far[0])
@@ -192,7 +192,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
 
 
 def signal(name: str, value: ArrayLike, size: int) -> Array:
-    """Return a held signal of `size` samples. A number becomes a step at t = 0 without allocated memory."""
+    """Return a held signal of `size` samples. A number becomes a step at t = 0, which needs no memory."""
     array = np.zeros(()) if isinstance(value, (int, float)) else _real_array(name, value)
     if array.ndim == 0:
         return np.broadcast_to(real(name, value), size)
@@ -202,26 +202,26 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def is_constant(signal: Array) -> bool:
-    """Return True if a held signal is constant, as one from a number is."""
+    """Return True if a held signal was made from a number and is therefore constant."""
     return signal.strides == (0,) or bool((signal[1:] == signal[:-1]).all())
 
 
 def signals(t: ArrayLike, **given: ArrayLike) -> tuple[Array, ...]:
-    """Return uniform times that start at 0, and held signals for them, by their names."""
+    """Return uniform times that start at 0, and the named signals as held signals at these times."""
     times = uniform_time("t", t)
     return times, *(signal(name, value, times.size) for name, value in given.items())
 
 
 def squarable(name: str, array: Array) -> None:
-    """Raise for values whose squares overflow. NaN is ignored."""
+    """Raise if squares of the values overflow. NaN is ignored."""
     largest = float(np.nanmax(np.abs(array), initial=0.0))
     if LARGEST < largest < math.inf:
         raise ValueError(f"{name} must be below {LARGEST:g}, found {largest:g}")
 
 
 def pair(name: str, what: str, value: Any) -> tuple[float, float]:
-    """Return two numbers as floats, or raise naming the argument and their meaning."""
-    try:  # a float may be infinite, or not a number
+    """Return two numbers as floats. Otherwise raise an error that names the argument and the meaning of the numbers."""
+    try:  # a float may be infinite or NaN
         first, second = (float(x) if isinstance(x, (float, np.floating)) else real(name, x) for x in value)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be two numbers, {what}, found {value!r}") from None
@@ -229,7 +229,7 @@ def pair(name: str, what: str, value: Any) -> tuple[float, float]:
 
 
 def limits(value: Any) -> tuple[float, float]:
-    """Return lower and upper limit, which may be infinite, as floats in order, or raise."""
+    """Return lower and upper limit as floats. They may be infinite. Raise unless they are in order."""
     low, high = pair("limits", "lower and upper", value)
     if not low < high:
         raise ValueError(f"limits must be (lower, upper) with lower < upper, found {value!r}")

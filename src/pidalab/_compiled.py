@@ -1,13 +1,13 @@
-"""Kernels: functions in two forms, plain Python and machine code that numba compiles and keeps.
+"""Kernels: functions that exist in plain Python and as machine code, which numba compiles and stores.
 
-Importing numba takes longer than most short answers, and compiling takes up to a minute. A process therefore starts in
-the plain forms, which give the same digits within rounding. Once it has spent a second in them it uses the compiled
-code if that is complete. Otherwise it starts another process that compiles in the background. A call with large
-arguments waits for compiled code. Without numba every call is plain.
+Importing numba takes longer than most short answers, and compiling takes up to a minute. A process therefore starts
+with the plain forms, which give the same digits within rounding. After it has spent a second in plain forms, it uses
+the compiled code if this is complete. Otherwise it starts another process that compiles in the background. A call with
+large arguments waits for compiled code. Without numba every call is plain.
 
-``PIDALAB_COMPILE=1`` makes a process wait for compiled code from its first call, as tests, notebooks and benchmarks do.
-``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, keeps to the plain forms. Compiled code is kept in
-``NUMBA_CACHE_DIR`` if that is set, else in ``__pycache__`` of the package, else in the user's cache.
+If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. Tests, notebooks and benchmarks do so.
+With ``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored
+in ``NUMBA_CACHE_DIR`` if that is set, else in ``__pycache__`` of the package, else in the user's cache.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ import numpy as np
 
 LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
-KERNELS = PACKAGE / "simulation"  # the folder with all kernels
-LARGE = 50_000  # numbers in the arguments of a call that waits for compiled code
-PLAIN_SECONDS = 1.0  # time in plain forms before compiled code is sought, and between attempts
-RETRY_SECONDS = 600.0  # time before a second attempt to compile, four times as long before each later one
+KERNELS = PACKAGE / "simulation"  # the folder that contains all kernels
+LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers
+PLAIN_SECONDS = 1.0  # time in plain forms before the first search for compiled code, and between searches
+RETRY_SECONDS = 600.0  # time before a second attempt to compile; each later attempt waits four times longer
 MOST_ATTEMPTS = 6
 
 
 class Kernel:
-    """A function in both forms. Compiled kernels call compiled kernels, and plain ones call plain ones.
+    """A function in both forms. Compiled kernels call compiled kernels, and plain kernels call plain kernels.
 
     Parameters
     ----------
     function : callable
-        What numba compiles.
+        Function that numba compiles.
     form : callable
-        Its plain form: the same function, or another with array operations in place of loops.
+        Plain form, which is the same function or a version with array operations instead of loops.
     options : dict
-        Options of numba in addition to its cache.
+        Options of numba, in addition to those for its cache.
     """
 
     def __init__(
@@ -64,11 +64,11 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The compiled form. Its code is kept in a folder that changes with the sources of all kernels."""
+        """The compiled form. Its code is stored in a folder whose name changes with the sources of all kernels."""
         import numba
 
         config: Any = numba.config
-        # There is no fused multiply-add, so that written C and Python give the same bits.
+        # Do not fuse multiplications and additions, so that simulations and written C and Python give the same bits.
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)
@@ -76,7 +76,7 @@ class Kernel:
         config.CACHE_DIR = str(folder or chosen)
         try:
             return numba.njit(cache=True, **options)(self.function)
-        except RuntimeError:  # numba found no writable folder
+        except RuntimeError:  # numba found no folder that it can write to
             return numba.njit(**options)(self.function)
         finally:
             config.CACHE_DIR = chosen
@@ -94,19 +94,19 @@ class Kernel:
             cells and tuple(CellType(_python_form(cell.cell_contents)) for cell in cells),
         )
         self.__dict__["python_form"] = (
-            plain_function  # The attribute is set first, since kernels may call each other.
+            plain_function  # set before the loop over names, since kernels may call each other
         )
         names.update({name: _python_form(value) for name, value in names.items()})
         return plain_function
 
-    # numba reads the following attributes of a kernel that compiled code calls.
+    # numba reads the following attributes if compiled code calls this kernel.
     @property
     def _numba_type_(self) -> Any:
         return self.dispatcher._numba_type_
 
     @property
     def targetoptions(self) -> Any:
-        """Options of numba, among them whether callers inline the kernel."""
+        """Options of numba, which also say if callers inline the kernel."""
         return self.dispatcher.targetoptions
 
     @property
@@ -116,20 +116,20 @@ class Kernel:
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Make a function a kernel. The compiled form releases the interpreter's lock.
+    """Turn a function into a kernel. Its compiled form releases the interpreter's lock.
 
-    All kernels are in `pidalab.simulation`, and a change of its sources compiles them all again.
+    All kernels are in `pidalab.simulation`. If a source file there changes, all kernels are compiled again.
     """
     return Kernel(function, function, {})
 
 
 def plain(form: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
-    """Make a function a kernel with another plain form."""
+    """Turn a function into a kernel whose plain form is `form`."""
     return lambda function: Kernel(function, form, {})
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Make a function a kernel that compiled callers inline."""
+    """Turn a function into a kernel that compiled callers inline."""
     return Kernel(function, function, {"inline": "always"})
 
 
@@ -138,16 +138,16 @@ def _python_form(value: Any) -> Any:
 
 
 class Tier:
-    """Which form the calls of this process use.
+    """The forms that calls of this process use.
 
     Attributes
     ----------
     allowed : bool or None
-        Whether kernels may be compiled; None before the first call.
+        True if kernels may be compiled. None before the first call.
     ready : bool
-        Whether all calls use compiled code.
+        True if all calls use compiled code.
     spent : float
-        Seconds in plain forms since compiled code was last looked for.
+        Seconds spent in plain forms since the last search for compiled code.
     """
 
     def __init__(self) -> None:
@@ -156,7 +156,7 @@ class Tier:
         self.spent = 0.0
 
     def compiles(self, arguments: tuple[Any, ...]) -> bool:
-        """Return True if a call uses compiled code, compiling it if needed."""
+        """Return True if a call should use compiled code. Compile it if necessary."""
         if self.allowed is None:
             self.begin()
         if self.ready or not self.allowed:
@@ -169,7 +169,7 @@ class Tier:
         return self.ready or (large and self.imports())
 
     def begin(self) -> None:
-        """Read from the environment whether compiled code is wanted and possible."""
+        """Read from the environment if compiled code is wanted and possible."""
         wish = os.environ.get("PIDALAB_COMPILE", "")
         off = wish == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
         try:
@@ -180,7 +180,7 @@ class Tier:
         self.ready = self.allowed and wish == "1" and self.imports()
 
     def imports(self) -> bool:
-        """Return True if numba can be imported. Otherwise all later calls are plain."""
+        """Return True if numba can be imported. If not, make all later calls plain."""
         try:
             import numba  # noqa: F401
         except ImportError:
@@ -190,7 +190,7 @@ class Tier:
         return bool(self.allowed)
 
     def run(self, form: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Call a plain form, in which NumPy divides by zero without a warning."""
+        """Call a plain form. NumPy does not warn of divisions by zero during the call."""
         start = time.perf_counter()
         with np.errstate(all="ignore"):
             try:
@@ -203,8 +203,8 @@ TIER = Tier()
 
 
 def _cache_folder() -> Path | None:
-    """Return the folder that keeps compiled code, None if there is none that can be written to."""
-    home = os.path.expanduser("~")  # remains "~" for a user without a home
+    """Return the folder that stores compiled code, or None if no such folder can be written to."""
+    home = os.path.expanduser("~")  # stays "~" if the user has no home folder
     user = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or os.path.join(home, ".cache")
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     for folder in [Path(chosen)] if chosen else [PACKAGE / "__pycache__", Path(user, "pidalab")]:
@@ -215,7 +215,7 @@ def _cache_folder() -> Path | None:
 
 
 def code_folder() -> Path | None:
-    """Return the folder for the code of these sources, this Python, numba, its options and the machine, if any."""
+    """Return the folder for code of these sources, with this Python, numba, options and machine, or None."""
     cache = _cache_folder()
     if cache is None:
         return None
@@ -229,13 +229,13 @@ def code_folder() -> Path | None:
 
 
 def is_complete() -> bool:
-    """Return True if the code of all kernels is kept for these sources, this Python, numba and machine."""
+    """Return True if compiled code of all kernels is stored for these sources, this Python, numba and machine."""
     folder = code_folder()
     return folder is not None and (folder / "complete").is_file()
 
 
 def declare_complete() -> None:
-    """Record that all kernels are compiled. Raise OSError if no code was kept."""
+    """Record that all kernels are compiled. Raise OSError if no code was stored."""
     folder = code_folder()
     if folder is None or not any(folder.rglob("*.nbi")):
         raise OSError(f"no compiled code of pidalab was kept in {folder or 'any folder'}")
@@ -245,10 +245,11 @@ def declare_complete() -> None:
 
 
 def compile_in_background() -> None:
-    """Start a process that compiles all kernels, unless an attempt is under way or failed a short time ago.
+    """Start a process that compiles all kernels, unless an attempt is running or has failed a short time ago.
 
-    Each attempt leaves a numbered file that success removes. Only one process can create a file of a given number, so
-    two processes never start the same attempt; and an attempt that failed, or was killed, delays the next one.
+    Each attempt creates a numbered file, which it removes on success. Only one process can create a file with a given
+    number, so two processes never start the same attempt. If an attempt failed or was killed, its file delays the next
+    attempt.
     """
     state = code_folder()
     if state is None or not sys.executable:
@@ -256,8 +257,7 @@ def compile_in_background() -> None:
     # On Windows the process is detached, in a new group and below normal priority. Elsewhere it lowers its priority.
     apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
     closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    # It starts in the package's folder, and without the working directory on the path, whose files must not be
-    # imported.
+    # Start in the package's folder and without the working directory on the path, whose files must not be imported.
     parent = str(PACKAGE.parent)
     script = f"import sys; sys.path.append({parent!r}); from pidalab.warm_up import main; main()"
     try:
@@ -276,5 +276,5 @@ def compile_in_background() -> None:
             **closed,
             **apart,
         )
-    except OSError:  # another process was faster, or this one cannot write or start a process
+    except OSError:  # another process was faster, or this process cannot write or start a process
         return

@@ -1,4 +1,4 @@
-"""Parallel work: tasks for this process, threads, processes, or the executor of a cluster."""
+"""Parallel work on tasks, in this process, in threads, in other processes, or in the executor of a cluster."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def done(
     """Return the results of all tasks in order, with a progress bar in a terminal or notebook."""
     from tqdm import tqdm
 
-    # There is no bar for a task of a second or without a terminal.
+    # Show no bar for tasks of less than a second, or if there is no terminal.
     bar = {"unit": unit, "disable": None, "delay": 1.0}
     if executor is None:
         return [work(part) for part in tqdm(parts, **bar)]

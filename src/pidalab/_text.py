@@ -1,9 +1,9 @@
 """Sanitising of text from outside before it is written to files.
 
 File names, names of columns, lines of a record, notes and the name of a controller in a JSON come from outside. Written
-code, reports, tables and JSON contain such text in headers and titles. It must not end a comment, and must not contain
-a quote, a tag, a formula or a line feed. Since nobody needs these to recognise a file, only a few kinds of characters
-pass. The result needs no escaping in C, structured text, Python, JSON, HTML or a cell of a table.
+code, reports, tables and JSON contain such text in headers and titles. The text must not end a comment, and must not
+contain a quote, a tag, a formula or a line feed. Therefore only a few kinds of characters are kept, which are enough to
+recognise a file. The result needs no escaping in C, structured text, Python, JSON, HTML or a cell of a table.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ WITHOUT_ACCELERATION = KINDS[:2]
 STARTING_MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
 
 
-MARKS: Final = ".,_-+°%"  # allowed in addition to letters, digits and blanks
+MARKS: Final = ".,_-+°%"  # these are allowed in addition to letters, digits and blanks
 LONGEST_LINE: Final = 200  # in characters
 
 
@@ -73,7 +73,7 @@ def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> st
     """
     if not isinstance(text, str):
         raise TypeError(f"text must be a str, found {type(text).__name__}")
-    # Cut a long text first, so that the rest is fast.
+    # Cut a long text first, so that the following steps are fast.
     kept = unicodedata.normalize("NFC", text[: 4 * longest])
     words = "".join(x if _passes(x, marks) else " " for x in kept).split()
     line = " ".join(words)
@@ -87,7 +87,7 @@ def _passes(character: str, marks: str) -> bool:
 
 
 def set_out(cells: Iterable[str], widths: Sequence[int], left: int = 1) -> str:
-    """Return cells as a line of a table, the first ones aligned left, the others right.
+    """Return cells as a line of a table. The first `left` cells are aligned left, the others right.
 
     Parameters
     ----------

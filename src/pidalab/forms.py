@@ -11,7 +11,7 @@ from pidalab.roots import roots
 
 
 class StandardForm(NamedTuple):
-    """kp (1 + 1/(ti s) + td s + ta s^2): haalman2024 eq. (1)."""
+    """Standard form kp (1 + 1/(ti s) + td s + ta s^2), haalman2024 eq. (1)."""
 
     kp: float
     ti: float
@@ -20,7 +20,7 @@ class StandardForm(NamedTuple):
 
 
 class NonInteractiveForm(NamedTuple):
-    """kc (1 + 1/(tau_i s) + tau_d s + tau_a^2/2 s^2): heo2023 eq. (6)."""
+    """Non-interactive form kc (1 + 1/(tau_i s) + tau_d s + tau_a^2/2 s^2), heo2023 eq. (6)."""
 
     kc: float
     tau_i: float
@@ -29,7 +29,7 @@ class NonInteractiveForm(NamedTuple):
 
 
 class SeriesForm(NamedTuple):
-    """(kp + kd s + ka s^2) (1 + ti s)/(ti s): huba2024 eq. (5)."""
+    """Series form (kp + kd s + ka s^2) (1 + ti s)/(ti s), huba2024 eq. (5)."""
 
     kp: float
     kd: float
@@ -38,14 +38,14 @@ class SeriesForm(NamedTuple):
 
 
 class FilteredGains(NamedTuple):
-    r"""Gains of the integral, the error and its derivatives behind one chain of equal lags. Controllers are their sums.
+    r"""Gains on integral, error and derivatives, filtered by equal lags. A controller is a sum of such parts.
 
     .. math:: \frac{K_{-1} s^{-1} + K_0 + K_1 s + \dots}{(1 + T_F s)^n}
 
     Attributes
     ----------
     name : str
-        What it is called in code that is written for it.
+        Name of the part in written code.
     gains : tuple of float
         :math:`K_{-1}, K_0, K_1, \dots`
     filter_time, filter_order : float, int
@@ -59,7 +59,7 @@ class FilteredGains(NamedTuple):
 
 
 class IdealGains(NamedTuple):
-    """Parallel form ki/s + kp + kd s + ka s^2, without filters, from which all other forms are converted.
+    """Parallel form ki/s + kp + kd s + ka s^2 without filters, which converts to all other forms.
 
     Examples
     --------
@@ -79,12 +79,12 @@ class IdealGains(NamedTuple):
         Returns
         -------
         StandardForm
-            With ``ti = inf`` without integral action.
+            Form with ``ti = inf`` if there is no integral action.
 
         Raises
         ------
         ValueError
-            Without proportional action, on which the standard form divides.
+            If there is no proportional action, since the standard form divides by kp.
 
         Examples
         --------
@@ -105,12 +105,12 @@ class IdealGains(NamedTuple):
         Returns
         -------
         NonInteractiveForm
-            The gains; tau_a = sqrt(2 ta).
+            The gains, with tau_a = sqrt(2 ta).
 
         Raises
         ------
         ValueError
-            Without proportional action, or with an acceleration of the opposite sign.
+            If there is no proportional action, or if the acceleration has the opposite sign.
 
         Examples
         --------
@@ -124,7 +124,7 @@ class IdealGains(NamedTuple):
         return NonInteractiveForm(kp, ti, td, math.sqrt(2 * ta))
 
     def series(self) -> SeriesForm:
-        """Return the series (automatic reset) form with the largest possible ti.
+        """Return the series form, which is that of automatic reset, with the largest possible ti.
 
         Returns
         -------
@@ -134,8 +134,8 @@ class IdealGains(NamedTuple):
         Raises
         ------
         ValueError
-            Where the numerator has no zero on the negative real axis to give to the reset factor, as for a PID with
-            ti < 4 td, or without integral action.
+            If there is no integral action, or if the numerator has no zero on the negative real axis for the reset
+            factor. A PID controller with ti < 4 td has no such zero.
 
         Examples
         --------

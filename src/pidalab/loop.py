@@ -1,4 +1,4 @@
-"""The feedback loop: blocks, names of signals, and transfer functions."""
+"""The feedback loop, with its blocks, signals and transfer functions."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from pidalab.roots import roots
 if TYPE_CHECKING:  # python-control is imported only for a frequency response.
     import control
 
-FREQUENCIES = 1000  # number of frequencies of a frequency response, before those for the dead time
-# Largest turn of the dead time's phase, in rad, between two of them and in total.
+FREQUENCIES = 1000  # frequencies of a frequency response, before those for the dead time are added
+# The phase of the dead time may turn by this angle in rad between two frequencies, and in total.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
 
 
 class Loop:
-    r"""Feedback loop of a process, with named blocks and signals, immutable.
+    r"""Immutable feedback loop of a process, with named blocks and signals.
 
     ::
 
@@ -52,18 +52,19 @@ class Loop:
     process : Process
         The plant with its dead time. A python-control system is a plant without dead time.
     controller : controller, DigitalController, control.TransferFunction or float
-        A proper controller from the difference of filtered set point and measurement to u. A loop with a digital
-        controller has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and `is_stable`.
+        A proper controller from the difference of filtered set point and measurement to u. If the controller is
+        digital, the loop has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and
+        `is_stable` with such a loop.
     output_filter : Process, OutputFilter or control.TransferFunction, optional
-        Filter in series with the controller, inside the loop; proper, without dead time. By default 1.
+        Proper filter without dead time, in series with the controller and inside the loop. By default 1.
     prefilter : Process, OutputFilter or control.TransferFunction, optional
-        Filter of the set point; proper, stable, without dead time. By default 1.
+        Proper and stable filter of the set point without dead time. By default 1.
 
     Raises
     ------
     TypeError, ValueError
-        For a block that is not proper, not single-input single-output, or not continuous in time, and for an unstable
-        prefilter, which no feedback could stabilise.
+        If a block is not proper, has several inputs or outputs or is not continuous in time, or if the prefilter is
+        unstable. (Feedback cannot stabilise a prefilter.)
 
     Examples
     --------
@@ -125,12 +126,12 @@ class Loop:
 
     @property
     def open_loop(self) -> Fraction:
-        """L without its dead time, the product of the blocks without cancellation.
+        """L without its dead time: the product of the blocks, in which nothing is cancelled.
 
         Raises
         ------
         TypeError
-            For a loop with a digital controller.
+            If the controller is digital.
 
         Examples
         --------
@@ -147,12 +148,12 @@ class Loop:
 
     @property
     def digital(self) -> DigitalController | None:
-        """The controller, if it is digital."""
+        """The controller if it is digital, else None."""
         return self.controller if isinstance(self.controller, DigitalController) else None
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Limits of the controller, relative to the state of rest, infinite without limits."""
+        """Limits of the controller relative to the state of rest. Infinite if there are none."""
         if self.digital is not None:
             low, high = (limit - self.digital.bias for limit in self.digital.limits)
             return low, high
@@ -160,7 +161,7 @@ class Loop:
 
     @property
     def automatic_reset(self) -> AutomaticReset | None:
-        """Automatic reset of the controller, None if its integral action is an integrator."""
+        """Automatic reset of the controller. None if its integral action is an integrator."""
         return self.controller.automatic_reset() if isinstance(self.controller, Controller) else None
 
     def block(self, name: str, s: ArrayLike) -> Any:
@@ -181,7 +182,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For another name, and on overflow.
+            If the name is unknown, or on overflow.
 
         Examples
         --------
@@ -196,16 +197,16 @@ class Loop:
         return quotient(*fraction_at(*self.blocks[name], s))
 
     def _fraction(self, s: ArrayLike) -> tuple[Any, Any]:
-        """Return numerator (with dead time) and denominator of L at complex s."""
+        """Return numerator (including the dead time) and denominator of L at complex s."""
         return fraction_at(*self.open_loop, s, self.process.delay)
 
     def L(self, s: ArrayLike) -> Any:
-        """Evaluate the loop transfer function of process (dead time exact), controller and output filter.
+        """Evaluate the loop transfer function L of process, controller and output filter, with the exact dead time.
 
         Parameters
         ----------
         s : array_like of complex
-            Where to evaluate.
+            Complex frequencies in rad per time unit.
 
         Returns
         -------
@@ -215,7 +216,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For an s so large that a block leaves the range of numbers.
+            If s is so large that a block overflows.
 
         Examples
         --------
@@ -227,12 +228,12 @@ class Loop:
         return quotient(forward, back)
 
     def S(self, s: ArrayLike) -> Any:
-        """Evaluate the sensitivity 1 / (1 + L), the factor by which feedback reduces a disturbance at the output.
+        """Evaluate the sensitivity 1 / (1 + L), the factor by which feedback changes a disturbance at the output.
 
         Parameters
         ----------
         s : array_like of complex
-            Where to evaluate.
+            Complex frequencies in rad per time unit.
 
         Returns
         -------
@@ -242,7 +243,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For an s so large that a block leaves the range of numbers.
+            If s is so large that a block overflows.
 
         Examples
         --------
@@ -250,7 +251,7 @@ class Loop:
         >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).S(1.0)
         np.complex128(0.5+0j)
         """
-        # With integral action this gives S(0) = 0, while 1/(1 + L) would need 1/(1 + inf).
+        # This form gives S(0) = 0 with integral action, for which 1/(1 + L) would need 1/(1 + inf).
         forward, back = self._fraction(s)
         return quotient(back, back + forward)
 
@@ -260,7 +261,7 @@ class Loop:
         Parameters
         ----------
         s : array_like of complex
-            Where to evaluate.
+            Complex frequencies in rad per time unit.
 
         Returns
         -------
@@ -270,7 +271,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For an s so large that a block leaves the range of numbers.
+            If s is so large that a block overflows.
 
         Examples
         --------
@@ -291,7 +292,7 @@ class Loop:
         source : {"r", "d", "n"}
             Set point, load disturbance or measurement noise.
         s : array_like of complex
-            Where to evaluate.
+            Complex frequencies in rad per time unit.
 
         Returns
         -------
@@ -301,7 +302,7 @@ class Loop:
         Raises
         ------
         ValueError
-            For another signal name, and on overflow.
+            If a signal name is unknown, or on overflow.
 
         Examples
         --------
@@ -316,8 +317,8 @@ class Loop:
         p, q = fraction_at(*self.blocks["process"], s, self.process.delay)
         controller, output_filter = (fraction_at(*self.blocks[name], s) for name in BLOCKS[1:3])
         c, d = (first * second for first, second in zip(controller, output_filter, strict=True))
-        # All have the same denominator, so that no pole of a block, such as 0 with integral action, gives 0 times
-        # infinity.
+        # Use the same denominator for all. Otherwise a pole of a block, such as 0 with integral action, would give 0
+        # times infinity.
         if source == "d":
             y, u = quotient(p * d, back + forward), quotient(-forward, back + forward)
         else:
@@ -333,18 +334,18 @@ class Loop:
         Parameters
         ----------
         frequencies : array_like, optional
-            Frequencies in rad per time unit, rising, above 0. By default a decade beyond the corner frequencies of L on
-            both sides, dense enough to follow the phase, and up to two turns of the dead time.
+            Rising frequencies in rad per time unit, above 0. The default grid reaches a decade beyond the corner
+            frequencies of L on both sides and up to two turns of the dead time. It is dense enough to follow the phase.
 
         Returns
         -------
         control.FrequencyResponseData
-            Frequency response, for the plots of python-control.
+            Frequency response for the plots of python-control.
 
         Raises
         ------
         TypeError, ValueError
-            For a loop with a digital controller, and for frequencies that are not finite, rising and above 0.
+            If the controller is digital, or if frequencies are not finite, rising and above 0.
 
         Examples
         --------
@@ -362,7 +363,7 @@ class Loop:
         return control.FrequencyResponseData(self.L(1j * w), w, name="L")
 
     def _frequencies(self) -> _check.Array:
-        """Return frequencies around the corners of L, dense enough for the phase of the dead time."""
+        """Return frequencies around the corners of L. They are dense enough for the phase of the dead time."""
         corners = np.abs(np.concatenate([roots(part) for part in self.open_loop]))
         delay = self.process.delay
         corners = np.append(corners[corners > 0], 1 / delay if delay else [])
@@ -380,7 +381,7 @@ class Loop:
 
 
 def require_well_posed(loop: Loop) -> None:
-    """Raise for a loop without dead time and with a direct feedthrough of exactly -1, which has no solution."""
+    """Raise if a loop has no solution, because it has no dead time and a direct feedthrough of exactly -1."""
     num, den = open_loop(loop)
     if not loop.process.delay and len(num) == len(den) and abs(1 + num[0] / den[0]) < 1e-12:
         raise ValueError("the loop is ill-posed: without dead time, its direct feedthrough is exactly -1")
@@ -399,7 +400,7 @@ def open_loop(loop: Loop) -> Fraction:
 
 
 def _rational(name: str, block: Any, kind: type) -> Fraction:
-    """Return (num, den) of a block. The error for another object names an attribute to pass."""
+    """Return (num, den) of a block. For another object, the error names an attribute that is a block."""
     hint = "" if hasattr(block, "fraction") else _check.carrier(block, kind)
     if hint:
         raise TypeError(f"{name} must be a block of the loop, found {type(block).__name__}{hint}")
@@ -407,7 +408,7 @@ def _rational(name: str, block: Any, kind: type) -> Fraction:
 
 
 def _in_series(first: Fraction, *others: Fraction) -> Fraction:
-    """Return the product of fractions without cancellation."""
+    """Multiply fractions without cancellation."""
     num, den = first
     for other in others:
         if other is not UNITY:
@@ -416,7 +417,7 @@ def _in_series(first: Fraction, *others: Fraction) -> Fraction:
 
 
 def _filter(name: str, block: Any) -> Fraction:
-    """Return (num, den) of a filter, 1 if there is none."""
+    """Return (num, den) of a filter, or 1 if there is none."""
     if block is None:
         return UNITY
     if not isinstance(block, Process):

@@ -1,7 +1,7 @@
-"""Figures, drawn by pure functions of responses, loops and axes.
+"""Figures, drawn by functions of responses, loops and axes.
 
-After `use_book_style` each kind of controller has the same colour and dash in all figures, which are also legible in
-grey.
+After `use_book_style` each kind of controller has the same colour and dash in all figures. The figures are also legible
+in grey.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
-LINE_POINTS = 4000  # points of a line; a vector file drops invisible ones
-NOISY_POINTS = 400  # points of a noisy line, of which a vector file would keep nearly all
+LINE_POINTS = 4000  # largest number of points of a line; a vector file drops invisible points
+NOISY_POINTS = 400  # the same for a noisy line, of which a vector file would keep nearly all points
 
 
 def use_book_style() -> None:
-    """Configure matplotlib for the book, with transparent SVG that is identical on every run.
+    """Configure matplotlib for the book, with transparent SVG that is identical in every run.
 
-    Afterwards a line whose label names a kind of controller has the colour and the dash of that kind.
+    A line whose label names a kind of controller then has the colour and the dash of that kind.
 
     Examples
     --------
@@ -47,11 +47,11 @@ def use_book_style() -> None:
     register_projection(BookAxes)
     try:
         from matplotlib_inline.backend_inline import set_matplotlib_formats
-    except ImportError:  # not in a notebook
+    except ImportError:  # this is not a notebook
         return
     set_matplotlib_formats("svg", metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     if "inline" in mpl.get_backend():
-        # Figures are shown when a cell ends. The hook of pyplot would draw each of them once more before.
+        # Figures are shown when a cell ends. The hook of pyplot would draw each of them a second time.
         plt.uninstall_repl_displayhook()
 
 
@@ -68,7 +68,7 @@ def thin(t: Array, x: Array, points: int = LINE_POINTS) -> tuple[Array, Array]:
     Returns
     -------
     t, x : ndarray
-        The first, smallest, largest and last point of each section, in order of time.
+        First, smallest, largest and last point of each section, in order of time.
 
     Examples
     --------
@@ -99,20 +99,21 @@ def signal(
     Parameters
     ----------
     ax : Axes
-        Where to draw.
+        Axes to draw into.
     responses : mapping of str to Response
         Lines by their labels.
     name : {"y", "u", "e"}
-        Which signal.
+        Signal to draw.
     until : float, optional
-        End of the time axis; by default the end of the records.
+        End of the time axis. By default the end of the records.
     faint : mapping of str to Response, optional
-        Lines without label under the others, in the colour of the response of the same key, such as single noisy runs.
+        Lines without label below the others, such as single noisy runs. Each has the colour of the response with the
+        same key.
 
     Raises
     ------
     TypeError
-        For anything but axes and responses by their labels.
+        If `ax` is not axes, or if responses are not given by their labels.
 
     Examples
     --------
@@ -158,7 +159,7 @@ def experiment(
     Raises
     ------
     TypeError, ValueError
-        For anything but responses by label, and for runs of different experiments.
+        If responses are not given by label, or if the runs belong to different experiments.
 
     Examples
     --------
@@ -192,17 +193,17 @@ def maps(
     label: str,
     names: tuple[str, str] = ("θ/τ", "ξ"),
 ) -> Figure:
-    """Draw a quantity over two parameters as maps, two in a row, with a common scale.
+    """Draw a quantity as a function of two parameters, as maps with a common scale, two in a row.
 
     Parameters
     ----------
     x, y : array_like, shape (n,) and (m,)
         Values of the parameters, above 0. The axis of x is logarithmic.
     values : mapping of str to array_like, shape (m, n)
-        Maps by their titles. Values that are not finite, as of unstable loops, are hatched.
+        Maps by their titles. Values that are not finite, such as those of unstable loops, are hatched.
     levels : sequence of float
-        Limits of the shades. Values below the first limit have the first shade, those above the last limit a further
-        one.
+        Limits of the shades. Values below the first limit have the first shade. Values above the last limit have an
+        additional shade.
     label : str
         Label of the scale.
     names : tuple of str, optional
@@ -216,7 +217,7 @@ def maps(
     Raises
     ------
     ValueError
-        For a map of another shape.
+        If a map has another shape.
 
     Examples
     --------
@@ -248,7 +249,7 @@ def maps(
         ax.set_ylabel(names[1])
     scale = figure.colorbar(shades, ax=axes, label=label, format="{x:g}")
     for i, patch in enumerate(scale.ax.findobj(PathPatch)):
-        patch.set_gid(f"as-drawn-{i}")  # The shade above the last level keeps its colour in dark mode.
+        patch.set_gid(f"as-drawn-{i}")  # keeps the colour of the shade above the last level in dark mode
     return figure
 
 
@@ -258,7 +259,7 @@ def legend(figure: Figure, ncols: int = 3, **more: Any) -> None:
     Parameters
     ----------
     figure : Figure
-        With lines that have labels.
+        Figure with labelled lines.
     ncols : int, optional
         Number of labels in a row.
     **more
@@ -283,14 +284,14 @@ def legend(figure: Figure, ncols: int = 3, **more: Any) -> None:
 
 
 def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) -> None:
-    """Write the label of each line next to it and in its colour, instead of a legend.
+    """Write the label of each line next to the line and in its colour, instead of a legend.
 
-    The scales and limits of the axes must be set before.
+    Set scales and limits of the axes first.
 
     Parameters
     ----------
     ax : Axes
-        With lines that have labels.
+        Axes with labelled lines.
     at : mapping of str to float
         Horizontal position of each label.
     below : collection of str, optional
@@ -299,7 +300,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     Raises
     ------
     TypeError, ValueError
-        For anything but axes, and for a label that no line has.
+        If `ax` is not axes, or if no line has a label.
 
     Examples
     --------
@@ -319,7 +320,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
         up = -1 if label in below else 1
-        # The label is shifted away from the slope.
+        # Shift the label away from the slope.
         side = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up
         place: dict[str, Any] = {"ha": ("center", "left", "right")[side], "va": "bottom" if up > 0 else "top"}
         x, y = ax.transData.inverted().transform((here, y))
@@ -333,18 +334,18 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     Parameters
     ----------
     ax : Axes
-        Where to draw.
+        Axes to draw into.
     loops : mapping of str to Loop
-        Curves by their labels.
+        Loops by the labels of their curves.
     frequencies : ndarray
-        In rad per time unit.
+        Frequencies in rad per time unit.
     ms : float, optional
-        Maximum sensitivity. L must not enter its circle with the radius 1/ms around -1.
+        Maximum sensitivity. L must not enter the circle with radius 1/ms around -1, which is drawn.
 
     Raises
     ------
     TypeError, ValueError
-        For anything but axes, frequencies and loops by their labels.
+        If `ax` is not axes, or if frequencies are not valid or loops are not given by their labels.
 
     Examples
     --------
@@ -374,16 +375,16 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     Parameters
     ----------
     ax : Axes
-        Where to draw.
+        Axes to draw into.
     curves : mapping of str to ndarray
-        Complex or real values by their labels, whose magnitudes are drawn.
+        Complex or real values by the labels of their curves. Their magnitudes are drawn.
     frequencies : ndarray
-        In rad per time unit.
+        Frequencies in rad per time unit.
 
     Raises
     ------
     TypeError, ValueError
-        For anything but axes, frequencies and values by their labels.
+        If `ax` is not axes, or if frequencies are not valid or values are not given by their labels.
 
     Examples
     --------
@@ -402,7 +403,7 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
 
 
 class _LiveFigure:
-    """Content of a live figure, as JSON in a script element that the scripts of the page read."""
+    """Content of a live figure. It is stored as JSON in a script element, which the scripts of the page read."""
 
     def __init__(self, state: Mapping[str, Any]) -> None:
         self.state = dict(state)
@@ -418,15 +419,15 @@ class _LiveFigure:
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
     """Make a live figure of the book from controllers.
 
-    Call it in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers without
-    JavaScript see the figure that the cell draws.
+    Call the function in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers
+    without JavaScript see the figure that the cell draws.
 
     Parameters
     ----------
     plant : str or Process
-        Name of a plant of the lab, such as "lags3", or a process. With a process ``conditions`` must have an ``end``.
+        Name of a plant of the lab, such as "lags3", or a process. For a process ``conditions`` must contain an ``end``.
     controllers : mapping of str to HighOrderPID
-        PI, PID or PIDA by name. Their numbers are passed with six digits.
+        PI, PID or PIDA controllers by name. Their numbers are passed with six digits.
     **more : Any
         Further options of the figure: ``knobs``, ``plots``, ``numbers``, ``rule``, ``ms``, ``conditions``, ``lab``. The
         comment at the top of book/_static/lab/live.js describes them.
@@ -434,13 +435,13 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
     Returns
     -------
     object
-        Object that the notebook displays. Its ``state`` holds the options of the figure.
+        Object that the notebook displays. Its ``state`` contains the options of the figure.
 
     Raises
     ------
     TypeError, ValueError
-        For anything but HighOrderPID controllers by name, with integral action and derivatives up to the acceleration,
-        and for a process without the end of the time axis.
+        If a controller is not a HighOrderPID with integral action and derivatives up to the acceleration. Also if a
+        process is given without the end of the time axis.
 
     Examples
     --------
@@ -460,7 +461,7 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
 
 
 def _design(name: str, controller: Any) -> dict[str, Any]:
-    """Return a controller in the form of the lab, with standard form and binomial filter."""
+    """Convert a controller to the form of the lab, which has the standard form and a binomial filter."""
     gains = controller.coefficients
     if not 2 <= len(gains) <= 4 or gains[0] == 0 or gains[1] == 0:
         raise ValueError(f"controllers[{name!r}] must be a PI, PID or PIDA, found gains {list(gains)}")
@@ -470,12 +471,12 @@ def _design(name: str, controller: Any) -> dict[str, Any]:
 
 
 def _six_digits(value: Any) -> Any:
-    """Round a number, or each of a list, so that a stored page is identical on every machine."""
+    """Round a number, or each number of a list, so that a stored page is identical on every machine."""
     return [_six_digits(each) for each in value] if isinstance(value, list) else float(f"{value:.6g}")
 
 
 def _require_axes(ax: Any) -> None:
-    """Raise unless `ax` is one matplotlib Axes."""
+    """Raise unless `ax` is a matplotlib Axes."""
     if not isinstance(ax, Axes):
         raise TypeError(f"ax must be one of matplotlib's Axes, found {type(ax).__name__}")
 

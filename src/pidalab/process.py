@@ -1,4 +1,4 @@
-"""Processes: a rational transfer function followed by a dead time."""
+"""Processes, which consist of a rational transfer function and a dead time in series."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from pidalab import _check
 
 
 def of_control(system: Any) -> bool:
-    """Return True for a system of python-control, without importing it."""
+    """Return True for a system of python-control, without importing python-control."""
     return type(system).__name__ in ("TransferFunction", "StateSpace") and type(system).__module__.startswith(
         "control"
     )
 
 
 class Block:
-    """Operations of plants and controllers: ``2 * block``, ``block / 2``, ``-block``, products with python-control."""
+    """Arithmetic of plants and controllers: ``2 * block``, ``block / 2``, ``-block``, products with python-control."""
 
-    __array_ufunc__ = None  # numbers of numpy then leave the product to this class
+    __array_ufunc__ = None  # makes numpy numbers leave the product to this class
 
     def _scaled(self, factor: float) -> Any:
-        """Return the block with its gain multiplied."""
+        """Return the block with its gain multiplied by a factor."""
         raise TypeError(f"{type(self).__name__} must define _scaled to be multiplied by a number")
 
     def _in_series(self, system: Any) -> Any:
@@ -37,13 +37,13 @@ class Block:
             return self._in_series(other)
         if isinstance(other, (int, float, np.integer, np.floating)):
             return self._scaled(_check.real("the factor", other))
-        hint = "; blocks meet in a loop, pidalab.Loop(process, controller), whose L is their product"
+        hint = "; to connect process and controller, use pidalab.Loop(process, controller)"
         raise TypeError(
             f"a {type(self).__name__} can be multiplied by a number or a system of python-control, found "
             f"{type(other).__name__}{hint if isinstance(other, Block) else ''}"
         )
 
-    __rmul__ = __mul__  # the order does not matter with one input and one output
+    __rmul__ = __mul__  # the order does not matter for one input and one output
 
     def __truediv__(self, divisor: float) -> Any:
         divisor = _check.real("the divisor", divisor)
@@ -55,7 +55,7 @@ class Block:
         return self._scaled(-1.0)
 
 
-if TYPE_CHECKING:  # Importing python-control takes long, so it is imported only when it is used.
+if TYPE_CHECKING:  # Importing python-control is slow, so it is imported only when it is used.
     import control
 
 
@@ -71,14 +71,14 @@ class Process(Block):
         Coefficients of :math:`b` and :math:`a` in descending powers of s, as for ``control.tf``.
         The degree of `num` must not exceed that of `den`.
     delay : float, optional
-        Dead time, in the time unit of the model; not negative, and if not 0, above 1e-150. It is never approximated.
+        Dead time in the time unit of the model. It must be 0 or above 1e-150. It is never approximated.
 
     Raises
     ------
     TypeError
-        For a python-control system in place of coefficients (use `from_control`).
+        If a python-control system is given instead of coefficients (use `from_control`).
     ValueError
-        For an improper rational part, a zero denominator, a negative dead time, NaN or infinity.
+        If the rational part is improper, the denominator is zero, the dead time is negative, or a number is not finite.
 
     Examples
     --------
@@ -89,7 +89,7 @@ class Process(Block):
     >>> complex(P(1j * 0.0))
     (1+0j)
 
-    Products are blocks in series, without cancellation:
+    A product is a series connection, without cancellation:
 
     >>> 2 * pidalab.ipdt(1.0, delay=0.5) * pidalab.fopdt(1.0, lag=3.0, delay=1.0)
     Process(num=[2], den=[3, 1, 0], delay=1.5)
@@ -130,19 +130,19 @@ class Process(Block):
         Parameters
         ----------
         sys : control.TransferFunction
-            Continuous-time, one input, one output, proper.
+            Continuous-time, proper transfer function with one input and one output.
         delay : float, optional
             Dead time, not negative.
 
         Returns
         -------
         Process
-            The same rational part, with the dead time.
+            Process with the same rational part and the dead time.
 
         Raises
         ------
         TypeError, ValueError
-            For another type, more than one input or output, or a discrete-time system.
+            If the system has another type, several inputs or outputs, or discrete time.
 
         Examples
         --------
@@ -169,7 +169,7 @@ class Process(Block):
     __rmul__ = __mul__
 
     def __call__(self, s: ArrayLike) -> Any:
-        """Evaluate P at complex s (of any shape), dead time exact. Raise ValueError on overflow."""
+        """Evaluate P at complex s of any shape with the exact dead time. Raise ValueError on overflow."""
         return quotient(*fraction_at(self.num, self.den, s, self.delay))
 
     def rational_part(self) -> control.TransferFunction:
@@ -196,7 +196,7 @@ class Process(Block):
         Returns
         -------
         float
-            P(0), after cancelling common factors s; infinite, with its sign, for an integrating process.
+            P(0) after cancelling common factors s. For an integrating process it is infinite, with a sign.
 
         Examples
         --------
@@ -220,7 +220,7 @@ def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float
     except FloatingPointError:
         largest = points.flat[
             np.argmax(np.abs(points / 2))
-        ]  # Without the factor 1/2 the modulus of the largest numbers would overflow.
+        ]  # the factor 1/2 prevents overflow in the modulus of the largest numbers
         raise ValueError(f"s must be smaller, since the values overflow, found {largest:.3g}") from None
 
 
@@ -274,7 +274,7 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
 
 
 def require_process(name: str, value: Any) -> None:
-    """Raise unless `value` is a Process, and name an attribute of it that is one."""
+    """Raise unless `value` is a Process. If one of its attributes is a Process, the message names the attribute."""
     if not isinstance(value, Process):
         hint = _check.carrier(value, Process)
         raise TypeError(f"{name} must be a pidalab.Process, found {type(value).__name__}{hint}")
@@ -288,7 +288,7 @@ def require_no_zero_at_origin(name: str, value: Any) -> None:
 
 
 def sign_of_gain(process: Process) -> float:
-    """Return the sign of gains for stable integral action, that of the last coefficients relative to the first ones."""
+    """Return the sign that gains need for stable integral action."""
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
@@ -312,7 +312,7 @@ def fopdt(gain: float, lag: float, delay: float) -> Process:
     Raises
     ------
     ValueError
-        For a lag that is not positive or a negative dead time.
+        If the lag is not positive or the dead time is negative.
 
     Examples
     --------
@@ -324,7 +324,7 @@ def fopdt(gain: float, lag: float, delay: float) -> Process:
 
 
 def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
-    r"""Return second order plus dead time, :math:`\frac{gain}{tau^2 s^2 + 2\,damping\,tau\,s + 1} e^{-s\,delay}`.
+    r"""Return a second-order process, :math:`\frac{gain}{tau^2 s^2 + 2\,damping\,tau\,s + 1} e^{-s\,delay}`.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
     tau : float
         Time constant, above 0.
     damping : float
-        Damping ratio, at least 0; above 1 the poles are real.
+        Damping ratio, at least 0. Above 1 the poles are real.
     delay : float
         Dead time, not negative.
 
@@ -345,7 +345,7 @@ def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
     Raises
     ------
     ValueError
-        For a time constant that is not positive, a negative damping or dead time.
+        If the time constant is not positive, or if damping or dead time is negative.
 
     Examples
     --------
@@ -366,7 +366,7 @@ def ipdt(gain: float, delay: float) -> Process:
     Parameters
     ----------
     gain : float
-        Velocity gain: slope of the output per unit of input.
+        Velocity gain, which is the slope of the output divided by the input.
     delay : float
         Dead time, not negative.
 
@@ -378,7 +378,7 @@ def ipdt(gain: float, delay: float) -> Process:
     Raises
     ------
     ValueError
-        For a negative dead time.
+        If the dead time is negative.
 
     Examples
     --------
@@ -397,7 +397,7 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     order : int
         Number of lags, at least 1.
     lag : float, optional
-        Time constant of each, above 0.
+        Time constant of each lag, above 0.
     gain : float, optional
         Static gain.
     delay : float, optional
@@ -411,7 +411,7 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     Raises
     ------
     ValueError
-        For an order below 1, a lag that is not positive or a negative dead time.
+        If the order is below 1, the lag is not positive, or the dead time is negative.
 
     Examples
     --------
@@ -429,29 +429,29 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
 
 @dataclass(frozen=True)
 class AsymmetricPlant:
-    r"""Plant with a store that fills and empties at different speeds.
+    r"""Plant whose first lag, a store, fills and empties at different speeds.
 
     .. math:: T(w, x)\,\dot x = w - x, \quad T = T_{rise} \text{ where } w > x, \text{ otherwise } T_{fall};
               \qquad y = G(s)\,x + D(s)\,w; \qquad w(t) = v(t - L)
 
-    with the input v. At rest x = w, so the static gain does not depend on the direction, and signals may be shifted to
-    another state of rest.
+    where v is the input. At rest x = w, so the static gain is the same in both directions. Signals may therefore be
+    taken relative to any state of rest.
 
     Parameters
     ----------
     main : control.TransferFunction
-        G, from the store to the output; proper.
+        G, the proper path from the store to the output.
     rise, fall : float
         Time constants of the store, above 0.
     direct : control.TransferFunction or float, optional
-        D, the path past the store; proper.
+        D, the proper path that bypasses the store.
     delay : float, optional
         Dead time L, not negative.
 
     Raises
     ------
     TypeError, ValueError
-        For paths that are not proper, time constants that are not positive, a negative dead time.
+        If a path is not proper, a time constant is not positive, or the dead time is negative.
 
     Examples
     --------
@@ -488,7 +488,7 @@ class AsymmetricPlant:
         (main, under), (past, below) = rational("main", self.main), rational("direct", self.direct)
         under = np.convolve(under, [time, 1.0])
         extra, rest = np.polydiv(under, below) if under.size >= below.size else (np.ones(1), under)
-        # If one denominator divides the other, the larger one is enough.
+        # If one denominator divides the other, the larger one serves both.
         if np.max(np.abs(rest)) < 1e-12 * np.max(np.abs(under)):
             return Process(np.polyadd(main, np.convolve(past, extra)), under, self.delay)
         num = np.polyadd(np.convolve(main, below), np.convolve(past, under))

@@ -1,9 +1,9 @@
 r"""Reduce any stable process to a model of first or second order with dead time (heo2023).
 
-The phase of :math:`G(j\omega)/G(0)` starts at 0 for :math:`\omega = 0`. It first falls below :math:`-\pi` at the
-ultimate frequency :math:`\omega_u`. Both reductions keep the static gain, and the phase at :math:`\omega_u`. The paper
-names its source for the reduction, but does not give the method. The one here gives all 24 parameters of Tables 4 to 6;
-with other weights, or on 9 or 11 frequencies, the second-order models differ in the third decimal.
+The phase of :math:`G(j\omega)/G(0)` is 0 at :math:`\omega = 0`. The ultimate frequency :math:`\omega_u` is the first
+frequency at which it falls below :math:`-\pi`. Both reductions keep the static gain and the phase at :math:`\omega_u`.
+The paper names its source for the reduction but does not give the method. The method used here gives all 24 parameters
+of Tables 4 to 6. With other weights, or with 9 or 11 frequencies, the second-order models differ in the third decimal.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pidalab.process import Process, fopdt, require_process, sopdt
 from pidalab.robustness.in_z import axis_of
 from pidalab.roots import roots
 
-LEAST_LAG = 1e-9  # least tau wu (first order) or (tau wu)^4 (second order); a smaller lag is rounding
+LEAST_LAG = 1e-9  # smaller values of tau wu (first order) or (tau wu)^4 (second order) are rounding
 
 
 class FirstOrderModel(NamedTuple):
@@ -61,8 +61,8 @@ def ultimate_frequency(process: Process) -> float:
     Parameters
     ----------
     process : Process
-        Stable, or with one integrator, and a static gain other than 0, whose sign does not count as phase. There must
-        be no zero on the imaginary axis below the ultimate frequency, where the phase would jump.
+        Process that is stable or has one integrator. Its static gain must not be 0, and the sign of the gain does not
+        count as phase. Below the ultimate frequency there must be no zero on the imaginary axis, where the phase jumps.
 
     Returns
     -------
@@ -72,8 +72,8 @@ def ultimate_frequency(process: Process) -> float:
     Raises
     ------
     TypeError, ValueError
-        For another type, and for a process that is unstable, has two integrators, no static gain, or no ultimate
-        frequency. Without dead time it needs at least three lags, or as much phase from zeros.
+        If the process has another type, is unstable, or has two integrators, no static gain or no ultimate frequency.
+        Without dead time an ultimate frequency needs at least three lags, or as much phase from zeros.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def ultimate_frequency(process: Process) -> float:
         w = np.atleast_1d(w)
         exact = np.angle(
             axis.L(w)
-        )  # The sum over all roots gives the number of turns, the exact angle the remainder.
+        )  # the sum over all roots gives the number of turns, and the exact angle gives the remainder
         return exact + 2 * np.pi * np.round((turned_phase(unit, w) - exact) / (2 * np.pi)) - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
@@ -112,19 +112,19 @@ def ultimate_frequency(process: Process) -> float:
 
 
 def turned_phase(process: Process, w: Array) -> Array:
-    """Compute the continuous phase relative to that at frequency 0. Roots on the axis count as stable.
+    """Compute the continuous phase, relative to the phase at frequency 0. Roots on the axis count as stable.
 
     Parameters
     ----------
     process : Process
         Any process. Integrators are ignored.
     w : ndarray, shape (n,)
-        In rad per time unit.
+        Frequencies in rad per time unit.
 
     Returns
     -------
     ndarray, shape (n,)
-        In rad.
+        Phase in rad.
 
     Examples
     --------
@@ -142,7 +142,7 @@ def turned_phase(process: Process, w: Array) -> Array:
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""Reduce a process to a first-order model with dead time that equals it at 0 and at the ultimate frequency.
+    r"""Reduce a process to a first-order model with dead time that agrees at 0 and at the ultimate frequency.
 
     With :math:`m = |G(j\omega_u)/G(0)|`
 
@@ -159,18 +159,18 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     Parameters
     ----------
     process : Process
-        Stable, of any order, with any dead time and any static gain but 0.
+        Stable process of any order, with any dead time and any static gain except 0.
 
     Returns
     -------
     FirstOrderModel
-        The parameters; its ``process`` is the model. The dead time is between π/2 and π divided by ``wu``.
+        The parameters. Its ``process`` is the model. The dead time is between π/2 and π divided by ``wu``.
 
     Raises
     ------
     TypeError, ValueError
-        As `ultimate_frequency`, for an integrating process, and if the magnitude at that frequency is not below the
-        static gain.
+        As for `ultimate_frequency`. Also if the process is integrating, or if its magnitude at that frequency is not
+        below the static gain.
 
     References
     ----------
@@ -197,15 +197,15 @@ def to_fopdt(process: Process) -> FirstOrderModel:
 def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     r"""Reduce a process to a second-order model with dead time, by least squares up to the ultimate frequency.
 
-    With :math:`g(\omega) = |G(j\omega)/G(0)|^2` and equally spaced frequencies from 0 to :math:`\omega_u`, both
-    included, :math:`a` and :math:`b` solve
+    With :math:`g(\omega) = |G(j\omega)/G(0)|^2` and equally spaced frequencies from 0 to :math:`\omega_u` (both
+    included), :math:`a` and :math:`b` are the least-squares solution of
 
     .. math:: g(\omega)\,(1 + a\,\omega^2 + b\,\omega^4) = 1, \qquad
               b = \tau^4, \quad a = 4\tau^2\zeta^2 - 2\tau^2,
 
-    in the sense of least squares. The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. It is never
-    negative, because the lag alone never turns by more than :math:`\pi`. A process that is a second-order model with
-    dead time is returned unchanged, for any damping.
+    The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. It is never negative, because the lag
+    alone never turns the phase by more than :math:`\pi`. A process that is already a second-order model with dead time
+    is returned unchanged, for any damping.
 
     ============  ==================
     heo2023       here
@@ -218,21 +218,21 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     Parameters
     ----------
     process : Process
-        Stable, of any order, with any dead time and any static gain but 0.
+        Stable process of any order, with any dead time and any static gain except 0.
     points : int, optional
-        Number of frequencies, at least 3. The models of the paper need 10; with 9 or 11 they differ in the third
+        Number of frequencies, at least 3. The models of the paper require 10. With 9 or 11 they differ in the third
         decimal.
 
     Returns
     -------
     SecondOrderModel
-        The parameters; its ``process`` is the model.
+        The parameters. Its ``process`` is the model.
 
     Raises
     ------
     TypeError, ValueError
-        As `ultimate_frequency`; for an integrating process; for fewer than 3 points; and if the fit gives no real
-        time constant or damping.
+        As for `ultimate_frequency`. Also if the process is integrating, there are fewer than 3 points, or the fit gives
+        no real time constant or damping.
 
     References
     ----------
@@ -265,7 +265,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
 
 
 def _unit(process: Process) -> Process:
-    """Return the process divided by its static gain. Raise if it is not stable or has none."""
+    """Divide a process by its static gain. Raise if the process is not stable or has no static gain."""
     require_process("process", process)
     poles = roots(process.den)
     if np.any(poles.real >= 0):

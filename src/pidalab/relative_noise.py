@@ -1,9 +1,9 @@
 r"""Noise gain in units of the plant, which does not depend on the units of y, u and time.
 
-The *noise gain* of a loop is the standard deviation of u over that of white measurement noise, held for a sample time
-h. Its unit is that of u over that of y, and it depends on h. The plant provides scales for both: h is a hundredth of
-its ultimate period, and the *relative noise gain* is the noise gain divided by its ultimate gain. A proportional
-controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
+The *noise gain* of a loop is the standard deviation of u divided by that of white measurement noise, which is held for
+a sample time h. Its unit is that of u divided by that of y, and its value depends on h. The plant determines scales for
+both. h is a hundredth of its ultimate period. The *relative noise gain* is the noise gain divided by the ultimate gain
+of the plant. A proportional controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from pidalab.reduction import ultimate_frequency
 from pidalab.roots import roots
 from pidalab.simulation.sampled import noise_gain
 
-SAMPLES = 100  # samples of the noise in an ultimate period
+SAMPLES = 100  # number of samples of the noise in an ultimate period
 
 
 class NoiseScale(NamedTuple):
-    """Sample time of measurement noise, and unit of the noise gain, for one plant.
+    """Sample time of measurement noise and unit of the noise gain for one plant.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class NoiseScale(NamedTuple):
 
     @property
     def period(self) -> float:
-        """Ultimate period of the plant, or its substitute: 100 sample times."""
+        """Ultimate period of the plant or its substitute, which is 100 sample times."""
         return SAMPLES * self.sample_time
 
 
@@ -47,10 +47,10 @@ def noise_scale(process: Process) -> NoiseScale:
     r"""Return the sample time of noise and the unit of the noise gain for a plant.
 
     At the ultimate frequency :math:`\omega_u` the phase of the plant is 180° below that at zero frequency. The period
-    is :math:`T = 2\pi/\omega_u` and the gain is :math:`1/|P(j\omega_u)|`. For an unstable plant, and one without
-    ultimate frequency, such as two lags without dead time, T is the sum of the time constants and the dead time, and
-    the gain is :math:`1/|P(0)|`. With k integrators, :math:`P \to K/s^k` at low frequency, the gain is
-    :math:`1/(|K|\,T^k)`. The time constant of a pole p is :math:`1/|p|`.
+    is :math:`T = 2\pi/\omega_u` and the gain is :math:`1/|P(j\omega_u)|`. Some plants have no ultimate frequency, such
+    as two lags without dead time. For these, and for unstable plants, T is the sum of the time constants and the dead
+    time, and the gain is :math:`1/|P(0)|`. If such a plant has k integrators, :math:`P \to K/s^k` at low frequency, and
+    the gain is :math:`1/(|K|\,T^k)`. The time constant of a pole p is :math:`1/|p|`.
 
     Parameters
     ----------
@@ -65,8 +65,8 @@ def noise_scale(process: Process) -> NoiseScale:
     Raises
     ------
     TypeError, ValueError
-        For an argument that is not a Process, for a static gain of 0, and for a plant without time constant and dead
-        time, such as 1/s.
+        If the argument is not a Process, the static gain is 0, or the plant has neither time constant nor dead time, as
+        1/s.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def _without_ultimate_period(process: Process) -> NoiseScale:
 
 
 def relative_noise_gain(loop: Loop) -> float:
-    """Return the noise gain of a loop in units of its plant, a dimensionless number.
+    """Return the noise gain of a loop in units of its plant, which is a dimensionless number.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def relative_noise_gain(loop: Loop) -> float:
     Raises
     ------
     TypeError, ValueError
-        As `noise_scale` and `pidalab.noise_gain`.
+        As for `noise_scale` and `pidalab.noise_gain`.
 
     Examples
     --------
@@ -130,14 +130,14 @@ def relative_noise_gain(loop: Loop) -> float:
 
 
 def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:
-    """Return the noise gain of the sampled loop, or NaN, and a remark on the measured loop or the failure."""
+    """Return the noise gain of the sampled loop, or NaN. Also return a remark on what was measured or why it failed."""
     try:
         return noise_gain(loop, sample_time), ""
     except ValueError as refusal:
         reason = " ".join(str(refusal).split())
     if not isinstance(loop.controller, Controller):
         return math.nan, f"no noise gain: {reason}"
-    # With a filter faster than the sample, the controller runs as on a PLC.
+    # If the filter is faster than the sample time, measure the controller as a PLC would run it.
     try:
         digital = loop.controller.discretise(sample_time, "backward", loop.output_filter)
         return noise_gain(Loop(loop.process, digital), sample_time), "noise gain of backward differences"

@@ -1,4 +1,4 @@
-"""Requirements of a design: limits of robustness and noise."""
+"""Requirements of a design, which are limits of robustness and noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LARGEST_DISK = 2.0  # disk margin of a loop without feedback
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """Requirements of a design. None means no limit.
+    """Requirements of a design. A limit of None is not applied.
 
     Attributes
     ----------
@@ -27,16 +27,16 @@ class Requirements:
     noise_gain : float, optional
         Largest noise gain, in units of u per unit of y.
     sample_time : float, optional
-        Sample time of the noise, only with `noise_gain`.
+        Sample time of the noise. Give it only with `noise_gain`.
     family : tuple of Process
         Other plants that must keep `ms_worst`.
     ms_worst : float
-        Largest maximum sensitivity with any of the family, above 1.
+        Largest maximum sensitivity with any plant of the family, above 1.
 
     Raises
     ------
     TypeError, ValueError
-        For values out of range.
+        If a value is out of range.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Requirements:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def peaks(self, slack: float = 0.0) -> dict[str, float]:
-        """Return the limits over all frequencies, less a share, by the names of `pidalab.optimal.problem.PEAKS`."""
+        """Return the limits on peaks over frequency, reduced by a share, named as `pidalab.optimal.problem.PEAKS`."""
         limits = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
         if self.disk is not None:
             limits["inverse_disk"] = 1 / self.disk

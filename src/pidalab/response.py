@@ -1,4 +1,4 @@
-"""Response of a loop and its measures of performance."""
+"""Responses of a loop, and their measures of performance."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-# largest distance from the final value, as a share of it, at the end of a record with overshoot
+# At the end of a record with overshoot, y may differ from its final value by this share of it.
 ARRIVED_SHARE = 0.1
 
 
 class Response(Signals):
     r"""Sampled signals of one experiment on a loop, simulated or recorded.
 
-    Between samples `r`, `d` and `n` are held, and the control error is the parabola through its two end values with the
-    exact area (`area`). So IE is exact, and IAE, ISE and ITAE take account of sign changes inside a sample.
+    `r`, `d` and `n` are held between samples. The control error between two samples is the parabola that passes through
+    both end values and has the exact area (`area`). So IE is exact, and IAE, ISE and ITAE include changes of sign
+    between samples.
 
-    The samples may be too coarse for a measure. The measures of a response from `simulate` are therefore computed on
-    finer grids until they change by less than 2e-4, and warn if that needs too many points. The measures of y and e of
-    a record with a given `area` warn if using only every second sample changes them by more than three times 1e-3. The
-    change is relative to the measure, or to 1 % for overshoot and undershoot, or to the total variation for `tv1`.
-    Records with noise, records without `area`, and u of records that were not simulated are measured as they are. For
-    them a step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
+    The samples may be too coarse for a measure. For a response from `simulate`, measures are therefore computed on
+    finer grids until they change by less than 2e-4. A warning is given if too many points would be needed. For a record
+    with a given `area`, measures of y and e are compared with those from every second sample. A warning is given if the
+    difference exceeds three times 1e-3 of the measure. (It is relative to at least 1 % for overshoot and undershoot,
+    and to the total variation for `tv1`.) There is no such test for records with noise, for records without `area`, and
+    for u of records that were not simulated. For these, a step of a thirtieth of the shortest time constant usually
+    keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -36,23 +38,23 @@ class Response(Signals):
     r, d, n : ndarray, shape (k,)
         Set point, load disturbance and measurement noise, each held from its sample to the next.
     y, u : ndarray, shape (k,)
-        Process output and control signal; at a jump the value just after it.
+        Process output and control signal. At a jump, the value just after the jump.
     area : ndarray, shape (k,), optional
-        Running integral of y from t = 0, by default by the trapezoidal rule. The exact engine provides it.
+        Running integral of y from t = 0. The simulation provides it. By default the trapezoidal rule is used.
     held : ndarray, shape (k,), optional
         The part of y that is held between samples, such as noise in a measured record. By default 0.
     final : float, optional
-        The value that y approaches, by default the final set point. `open_loop_step` of a stable process sets it.
+        Value that y approaches, by default the final set point. `open_loop_step` sets it for a stable process.
 
     Raises
     ------
     ValueError
-        For times that are not uniform from 0 and for signals of another length, NaN or infinity.
+        If the times are not uniform from 0, or if signals have another length or contain NaN or infinity.
 
     Warns
     -----
     RuntimeWarning
-        From a measure for which the samples are too coarse, with an estimate of its error.
+        If the samples are too coarse for a measure. The warning contains an estimate of the error.
 
     Examples
     --------
@@ -70,8 +72,8 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` needs a record that has settled (:math:`|e|`
-            below 1e-6 of its maximum over the last tenth).
+            Upper limit, by default the end of the record. ``math.inf`` requires a settled record, in which :math:`|e|`
+            is below 1e-6 of its maximum over the last tenth.
 
         Returns
         -------
@@ -81,7 +83,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            For a horizon beyond the record, or an infinite one of a record that has not settled.
+            If the horizon is beyond the record, or if it is infinite and the record has not settled.
 
         Examples
         --------
@@ -100,7 +102,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record; ``math.inf`` demands a settled record.
+            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
 
         Returns
         -------
@@ -110,7 +112,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            For a horizon beyond the record, or an infinite one of a record that has not settled.
+            If the horizon is beyond the record, or if it is infinite and the record has not settled.
 
         Examples
         --------
@@ -127,10 +129,10 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record; ``math.inf`` demands a settled record.
+            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
         origin : float, optional
-            Time t_0 at which the weight is zero, not after the start of the record. If a step acts at time 1 and the
-            weight begins at 0, use ``origin=-1``.
+            Time t_0 at which the weight is zero, not after the start of the record. If the weight begins 1 time unit
+            before the record, use ``origin=-1``.
 
         Returns
         -------
@@ -140,7 +142,8 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            For an origin after 0, a horizon beyond the record, or an infinite one of a record that has not settled.
+            If the origin is after 0, the horizon is beyond the record, or it is infinite and the record has not
+            settled.
 
         Examples
         --------
@@ -159,7 +162,7 @@ class Response(Signals):
         """Integrate |e| times the weight base + slope t."""
 
         def areas_until(curve: Curve, s: Array) -> tuple[Array, Array]:
-            """Integrate e and, if it has a weight, s e, from 0 to s."""
+            """Integrate e and, if the weight depends on t, s e, from 0 to s."""
             c0, c1, c2 = curve
             plain = s * (c0 + s * (c1 / 2 + s * (c2 / 3)))
             return plain, s * s * (c0 / 2 + s * (c1 / 3 + s * (c2 / 4))) if slope else np.zeros_like(plain)
@@ -170,7 +173,7 @@ class Response(Signals):
         total = 0.0
         for curve, end, start in self._pieces(horizon):
             areas = weighted(*areas_until(curve, end), start)
-            # Where e can change its sign, the integral is split at the zeros.
+            # Where e may change its sign, split the integral at the zeros.
             few = np.flatnonzero(np.abs(curve[0]) <= np.abs(curve[1]) + np.abs(curve[2]))
             if few.size:
                 c0, c1, c2 = (c[few] for c in curve)
@@ -187,7 +190,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record; ``math.inf`` demands a settled record.
+            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
 
         Returns
         -------
@@ -197,7 +200,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            For a horizon beyond the record, or an infinite one of a record that has not settled.
+            If the horizon is beyond the record, or if it is infinite and the record has not settled.
 
         Examples
         --------
@@ -214,11 +217,11 @@ class Response(Signals):
         Parameters
         ----------
         signal : {"u", "y"}
-            Which signal.
+            Signal to measure.
         horizon : float, optional
             End of the sum, as for `iae`. By default the end of the record.
         final : float, optional
-            Value that the signal approaches after the horizon. The change to it is added.
+            Value that the signal approaches after the horizon. The change to this value is added.
 
         Returns
         -------
@@ -228,7 +231,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            For another signal name, and for a horizon beyond the record.
+            If the signal name is unknown, or the horizon is beyond the record.
 
         Examples
         --------
@@ -242,13 +245,13 @@ class Response(Signals):
     def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Return the excess :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` over a pulse (huba2024, eq. (24)).
 
-        It is zero for two monotonic intervals, as of an ideal control signal. :math:`x_m` is the extreme farthest
-        from the line between start and end.
+        The excess is zero for a signal with two monotonic intervals, such as an ideal control signal. :math:`x_m` is
+        the extreme that is farthest from the line between start and end.
 
         Parameters
         ----------
         signal : {"u", "y"}
-            Which signal.
+            Signal to measure.
         horizon : float, optional
             End of the sum. By default the end of the record.
         final : float, optional
@@ -257,12 +260,12 @@ class Response(Signals):
         Returns
         -------
         float
-            Excess total variation, in units of the signal, not negative except for rounding.
+            Excess total variation in units of the signal. Not negative, except for rounding.
 
         Raises
         ------
         ValueError
-            For another signal name, and for a horizon beyond the record.
+            If the signal name is unknown, or the horizon is beyond the record.
 
         Examples
         --------
@@ -284,7 +287,7 @@ class Response(Signals):
         final: float | None,
         less: Callable[[Array], float],
     ) -> float:
-        """Return the total variation of a signal, less a function of its path."""
+        """Return the total variation of a signal minus a function of its path."""
         self._require_path(signal, horizon)
 
         def excess(record: Response) -> float:
@@ -304,24 +307,24 @@ class Response(Signals):
             self._require_bounded(signal, getattr(self, signal))
 
     def _path(self, signal: str, horizon: float | None = None, final: float | None = None) -> Array:
-        """Return the samples of a signal up to a time, with its value at rest before and its final value after them."""
+        """Return the samples of a signal up to a time. The value at rest comes before, the final value after them."""
         last = [] if final is None else [_check.real("final", final)]
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
         return np.concatenate([[0.0], getattr(self, signal)[within], last])
 
     def _final(self, final: float | None, measure: str) -> float:
-        """Return the value to which a step response is compared, by default the final set point."""
+        """Return the value with which a step response is compared, by default the final set point."""
         final = self.final if final is None else final
         target = float(self.r[-1]) if final is None else _check.real("final", final)
         self._require_bounded("y", self.y, measure)
         if target == 0:
             raise ValueError(
-                f"{measure} needs a final value other than 0, found one of the set point; give final, or use peak()"
+                f"{measure} needs a final value other than 0, found a set point ending at 0; give final or use peak()"
             )
         return target
 
     def overshoot(self, final: float | None = None) -> float:
-        """Return the overshoot of y over its final value, in per cent of it, 0 if there is none.
+        """Return the overshoot of y beyond its final value, in per cent of the final value. It is 0 if there is none.
 
         Parameters
         ----------
@@ -331,12 +334,12 @@ class Response(Signals):
         Returns
         -------
         float
-            Per cent, also for extremes between samples.
+            Overshoot in per cent, including extremes between samples.
 
         Raises
         ------
         ValueError
-            If the final value is 0 (see `peak`), for a response that diverges, and for one that ends before its peak.
+            If the final value is 0 (see `peak`), if the response diverges, or if it ends before its peak.
 
         Examples
         --------
@@ -353,13 +356,13 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # The exact area shows most of an extreme between samples.
+            # The exact area contains most of an extreme between samples.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
 
     def peak_time(self, final: float | None = None) -> float:
-        """Return the time at which y is farthest beyond its final value, also between samples.
+        """Return the time at which y is farthest beyond its final value, including times between samples.
 
         Parameters
         ----------
@@ -374,7 +377,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            As `overshoot`, and if y does not pass its final value.
+            As for `overshoot`, and if y does not pass its final value.
 
         Examples
         --------
@@ -389,7 +392,7 @@ class Response(Signals):
         return self._settle("peak_time", lambda record: record._top(target)[0])
 
     def _passed_peak(self, final: float | None, measure: str) -> float:
-        """Return the final value. Raise for a record that ends before its peak."""
+        """Return the final value. Raise if the record ends before its peak."""
         target = self._final(final, measure)
         time, share = self._top(target)
         missing = abs(1 - float(self.y[-1]) / target)
@@ -397,12 +400,12 @@ class Response(Signals):
         if self.t.size >= FEWEST_JUDGED and missing > ARRIVED_SHARE and ends_early:
             raise ValueError(
                 f"{measure} needs a record that passes the peak or comes within {100 * ARRIVED_SHARE:g} % of the final "
-                f"value, found {100 * missing:.3g} % left at t = {self.t[-1]:g}; simulate longer"
+                f"value, found a distance of {100 * missing:.3g} % at t = {self.t[-1]:g}; simulate longer"
             )
         return target
 
     def _top(self, target: float) -> tuple[float, float]:
-        """Return time and height, as a share of the final value, of the extreme of y."""
+        """Return the time of the extreme of y, and its height as a share of the final value."""
         [((c0, c1, c2), _, start)] = self._pieces(None, self.t.size)
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
@@ -412,7 +415,7 @@ class Response(Signals):
         return float(start[where[1]] + self.step * places[where]), float(shares[where])
 
     def undershoot(self, final: float | None = None) -> float:
-        """Return by how much y moves away from its final value, a jump at t = 0 included, in per cent of it.
+        """Return how far y moves away from its final value, in per cent of it. A jump at t = 0 counts.
 
         Parameters
         ----------
@@ -447,24 +450,24 @@ class Response(Signals):
         return self._settle("undershoot", share, missed=missed, least=1.0)
 
     def saturated(self, limits: tuple[float, float], start: float = 0.0, stop: float | None = None) -> float:
-        """Return the time that the control signal is at a limit.
+        """Return the time for which the control signal is at a limit.
 
         Parameters
         ----------
         limits : tuple of float
             Smallest and largest control signal.
         start, stop : float, optional
-            Only between these times; by default the whole record.
+            Times between which the signal is examined. By default the whole record.
 
         Returns
         -------
         float
-            A number of samples times their distance.
+            Number of samples at a limit, multiplied by the sample time.
 
         Raises
         ------
         TypeError, ValueError
-            For limits that are not two numbers in order, and times that do not lie in order in the record.
+            If the limits are not two numbers in order, or the times are not in order or not in the record.
 
         Examples
         --------
@@ -483,7 +486,7 @@ class Response(Signals):
         Parameters
         ----------
         signal : {"u", "y"}
-            Which signal.
+            Signal to examine.
         horizon : float, optional
             End of the search. By default the end of the record, which must not diverge.
 
@@ -495,7 +498,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            For another signal name, a response that diverges, and a horizon beyond the record.
+            If the signal name is unknown, the response diverges, or the horizon is beyond the record.
 
         Examples
         --------
@@ -518,8 +521,8 @@ class Response(Signals):
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Return the time between the first passages of a low and a high share of the final value.
 
-        A share that y has at t = 0 is passed at 0. So a record that starts above the high share, such as one of a set
-        point that decreases towards 0, has a rise time of 0.
+        If y exceeds a share at t = 0, the share is passed at 0. So the rise time is 0 if a record starts above the high
+        share, for example if the set point decreases towards 0.
 
         Parameters
         ----------
@@ -536,7 +539,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the final value is 0, the output never reaches the high share, or the shares are in another order.
+            If the final value is 0, the output never reaches the high share, or the shares are not in this order.
 
         Examples
         --------
@@ -561,7 +564,7 @@ class Response(Signals):
         return self._settle("rise_time", duration)
 
     def _passage(self, share: Array, level: float) -> float:
-        """Return the time at which `share` first reaches a level, 0 if it starts there."""
+        """Return the time at which `share` first reaches a level, or 0 if it starts above the level."""
         i = int(np.argmax(share >= level))
         return float(np.interp(level, share[i - 1 : i + 1], self.t[i - 1 : i + 1])) if i else 0.0
 
@@ -571,15 +574,15 @@ class Response(Signals):
         Parameters
         ----------
         band : float, optional
-            Half width between 0 and 1 (0.02 for 2 %), as a share of the final set point, or of the largest error if the
-            set point ends at 0.
+            Half width between 0 and 1 (0.02 for 2 %), as a share of the final set point. If the set point ends at 0, it
+            is a share of the largest error.
         final : float, optional
-            Final value instead of the set point, such as the static gain for the step response of a process.
+            Final value that replaces the set point, such as the static gain for the step response of a process.
 
         Returns
         -------
         float
-            Time of the last crossing, interpolated linearly between samples; 0 if the error never left the band.
+            Time of the last crossing, interpolated linearly between samples. 0 if the error never left the band.
 
         Raises
         ------
@@ -604,7 +607,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must contain the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
+                f"band must contain the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen the band"
             )
 
         def entry(record: Response) -> float:
@@ -627,23 +630,24 @@ def _variation(path: Array) -> float:
 
 
 def _missed_top(size: Array, path: Array) -> float:
-    """Estimate by how much the largest size of a path between samples exceeds the largest sample."""
+    """Estimate how much a path between samples exceeds its largest sample, with `size` as the size of the path."""
     return float(np.max(size + _missed(path)) - np.max(size))
 
 
 def _missed(path: Array) -> Array:
-    """Estimate by how much a signal between samples exceeds each of its local extremes, 0 at other samples.
+    """Estimate how much a signal between samples exceeds each of its local extremes. Return 0 at other samples.
 
-    The signal stays within the extrapolation of the two samples before the extreme, or after it, if it is smooth, has a
-    corner or jumps between two samples. A smooth signal uses an eighth of that, a corner half of it in the mean, and a
-    quarter is returned. A step that is much larger than its neighbour counts as a jump.
+    The signal may be smooth, have a corner, or jump between two samples. In each case it stays within the extrapolation
+    of the two samples before the extreme or of the two samples after it. A smooth signal reaches an eighth of the
+    extrapolated change, and a corner reaches half of it on average. A quarter is returned. A step that is much larger
+    than its neighbour counts as a jump.
     """
     rises = np.diff(path)
-    steps = np.pad(np.abs(rises), 2)  # Each sample has two steps before and two after it.
+    steps = np.pad(np.abs(rises), 2)  # gives each sample two steps before and two steps after it
     before = np.minimum(steps[1:-2], 3 * steps[:-3])
     after = np.minimum(steps[2:-1], 3 * steps[3:])
     turns = np.zeros(path.size, dtype=bool)
     turns[1:-1] = rises[:-1] * rises[1:] < 0.0
     turns[1:-2] |= (rises[1:-1] == 0.0) & (rises[:-2] * rises[2:] < 0.0)
-    turns[1] = False  # The jump from rest to the first sample is exact.
+    turns[1] = False  # the jump from rest to the first sample is exact
     return np.where(turns, 0.25 * np.maximum(before, after), 0.0)

@@ -1,9 +1,9 @@
-r"""Roots of a polynomial from its coefficients, with multiple roots detected.
+r"""Roots of a polynomial from its coefficients, including multiple roots.
 
-The eigenvalues of a companion matrix scatter an n-fold root over a circle. The time constants of 30 equal lags, for
-example, differ by a factor of two. So neighbouring roots are tried as one multiple root and refined by Gauss-Newton
-steps on the coefficients. The multiple root is accepted if its product agrees with the coefficients as well as that of
-the scattered ones does.
+The eigenvalues of a companion matrix scatter an n-fold root over a circle. For 30 equal lags, for example, the time
+constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, which Gauss-Newton
+steps refine on the coefficients. The multiple root is accepted if its polynomial agrees with the coefficients at least
+as well as that of the scattered roots.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from numpy.typing import ArrayLike
 
 from pidalab._check import Array
 
-# roots within such a relative distance are tried as one multiple root
+# Roots within such relative distances are tried as one multiple root.
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)
-# Such a difference of the coefficients, relative to their size and per degree, is rounding.
+# A smaller difference of the coefficients, relative to their size and divided by the degree, is rounding.
 SAME_COEFFICIENTS = 1e-14
 ALLOWED = 1e-10  # largest difference for which roots represent their polynomial
-TRUSTED_DEGREE = 8  # highest degree for which eigenvalues of a companion matrix are accepted at once
-MULTIPLE_BEYOND = 40  # above this degree most roots have to be multiple
+TRUSTED_DEGREE = 8  # up to this degree, well separated eigenvalues are accepted directly
+MULTIPLE_BEYOND = 40  # above this degree most roots must be multiple
 HIGHEST_DEGREE = 400
 ON_AXIS = 1e-13  # a smaller relative real part is rounding
 
 
 def roots(polynomial: ArrayLike) -> Any:
-    """Return the roots of a real polynomial in descending powers, by modulus, the upper one of a pair first.
+    """Return the roots of a real polynomial in descending powers. Sort by modulus, upper root of a pair first.
 
     Leading zeros are ignored.
 
     Raises
     ------
     ValueError
-        If no roots are found whose product equals the polynomial to ten digits.
+        If no roots are found whose polynomial equals the given one to ten digits.
     """
     coefficients = np.asarray(polynomial, dtype=float)
     if not (coefficients.size and coefficients[0]):
@@ -63,7 +63,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         raise ValueError(f"the degree of a polynomial must be at most {HIGHEST_DEGREE}, found {degree}")
     with np.errstate(all="ignore"):
         monic = coefficients / coefficients[0]
-        # In this unit of s, a power of 2, first and last coefficient are about equal.
+        # In this unit of s, a power of 2, the first and the last coefficient are about equal.
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
@@ -73,14 +73,14 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
-    # The second coefficient is the sum of the roots. If they are equal, it gives each without loss.
+    # The second coefficient is the sum of the roots. If all are equal, it determines them without loss of digits.
     single = np.full(1, -scaled[1] / degree, dtype=complex)
     if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= SAME_COEFFICIENTS * degree:
         return np.repeat(single, degree) * scale
     if degree == 2:
         return _in_pairs(_of_quadratic(scaled) * scale)
     scattered = np.roots(scaled)
-    # The eigenvalues of an n-fold root are about eps^(1/n) away from it, which limits the search radius.
+    # The eigenvalues of an n-fold root differ from it by about eps^(1/n), which limits the search radius.
     scatter = 8 * np.finfo(float).eps ** (1 / degree)
     apart = np.abs(scattered[:, None] - scattered[None, :]) + 9.0 * np.eye(degree) * np.abs(scattered)
     if degree <= TRUSTED_DEGREE and np.min(apart / np.abs(scattered)) > scatter:
@@ -95,11 +95,11 @@ def _of_nonzero(coefficients: Array) -> Any:
             if off <= max(least, SAME_COEFFICIENTS * degree):
                 best, least = np.repeat(merged, times.astype(int)), off
     if degree > MULTIPLE_BEYOND and np.unique(best).size > degree // 2:
-        # the product may be close, but a response computed from such roots would be lost in rounding
+        # The polynomial may agree, but rounding would spoil a response computed from such roots.
         least = 1.0
     if not least <= ALLOWED:
         raise ValueError(
-            f"the roots of a polynomial of degree {degree} are lost in rounding: their product differs from it by "
+            f"the roots of a polynomial of degree {degree} are lost in rounding: their polynomial differs from it by "
             f"{least:.1g}; take fewer lags, or another model"
         )
     return _in_pairs(best * scale)
@@ -115,7 +115,7 @@ def _of_quadratic(scaled: Array) -> Any:
 
 
 def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
-    """Return the largest difference of the product's coefficients, relative to their size."""
+    """Return the largest difference between polynomial and coefficients, relative to the size of the coefficients."""
     product = np.ones(1, dtype=complex)
     for root, multiplicity in zip(values, times, strict=True):
         for _ in range(int(multiplicity)):
@@ -124,9 +124,9 @@ def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
 
 
 def _sizes(scaled: Array) -> Array:
-    """Return typical sizes of the coefficients, the lowest concave curve above their logarithms."""
-    # This is the Newton polygon, whose slopes are the sizes of the roots. A coefficient may be much smaller if its
-    # terms cancel, and a difference relative to it would be meaningless.
+    """Return typical sizes of the coefficients, as the lowest concave curve above their logarithms."""
+    # The curve is the Newton polygon, whose slopes are the sizes of the roots. A coefficient may be much smaller if its
+    # terms cancel. A difference relative to such a coefficient would be meaningless.
     k = np.flatnonzero(scaled)
     corners: list[tuple[int, float]] = []
     for point in zip(k.tolist(), np.log(np.abs(scaled[k])).tolist(), strict=True):
@@ -142,7 +142,7 @@ def _below(first: tuple[int, float], middle: tuple[int, float], last: tuple[int,
 
 
 def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
-    """Join roots whose distances are below a radius, with pairs conjugate. Return means and multiplicities."""
+    """Join roots that are closer than a radius. Keep conjugate pairs. Return means and multiplicities."""
     is_near = np.abs(scattered[:, None] - scattered[None, :]) <= radius * np.abs(scattered)[:, None]
     reach = is_near | is_near.T
     for _ in range(int(np.ceil(np.log2(scattered.size))) + 1):
@@ -155,10 +155,10 @@ def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
 
 
 def _polished(scaled: Array, values: Any, times: Array, size: Array) -> tuple[Any, float]:
-    """Refine multiple roots by Gauss-Newton steps on the coefficients. Return them and the remaining difference."""
+    """Refine multiple roots by Gauss-Newton steps on the coefficients. Return roots and remaining difference."""
     real, best, least = values.imag == 0, values, _difference(scaled, values, times, size)
     weight = 1 / size[1:]
-    # With a given multiplicity a multiple root is well conditioned. Only its single copies scatter.
+    # If its multiplicity is given, a multiple root is well conditioned. Only its single copies scatter.
     for _ in range(8):
         if least <= SAME_COEFFICIENTS * scaled.size:
             break
@@ -177,7 +177,7 @@ def _polished(scaled: Array, values: Any, times: Array, size: Array) -> tuple[An
 
 
 def _in_pairs(values: Any) -> Any:
-    """Sort by modulus, complex roots as exact pairs."""
+    """Sort roots by modulus, with complex roots as exact pairs."""
     values = np.where(np.abs(values.real) <= ON_AXIS * np.abs(values), 1j * values.imag, values)
     upper = values[values.imag > 0]
     single = values[values.imag == 0].real
@@ -187,28 +187,28 @@ def _in_pairs(values: Any) -> Any:
 
 
 def quadratic_roots(c0: Array, c1: Array, c2: Array) -> Array:
-    """Return both roots of c0 + c1 s + c2 s^2, without cancellation, with 0 for a missing root."""
+    """Return both roots of c0 + c1 s + c2 s^2 without cancellation. A missing root is 0."""
     with np.errstate(all="ignore"):
         q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
         return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def border(holds: Callable[[float], bool], inside: float, outside: float, share: float = 1e-7) -> float:
-    """Find by bisection the border between a value where a property holds and one where it does not.
+    """Find the border between values at which a condition is true and values at which it is false, by bisection.
 
     Parameters
     ----------
     holds : callable
-        The property.
+        The condition.
     inside, outside : float
-        Value where it holds, and value where it does not.
+        A value at which the condition is true, and a value at which it is false.
     share : float, optional
-        Final distance of the two values, relative to the larger one.
+        Final distance of the two values, relative to the larger value.
 
     Returns
     -------
     float
-        The border, on the side where the property holds.
+        The border, on the side on which the condition is true.
 
     Examples
     --------

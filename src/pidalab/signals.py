@@ -1,4 +1,4 @@
-"""Records of experiments on a loop, with checks of their resolution."""
+"""Signals of experiments on a loop, with checks that the samples resolve them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pidalab import _check
 from pidalab._check import Array
 
 Curve = tuple[Array, Array, Array]
-REFINEMENT = 4  # ratio of the steps of a grid and the next finer one
-SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, relative to the largest of all
-BLOCK = 8192  # sample intervals whose integrals are computed at once
-FEWEST_JUDGED = 20  # number of samples of a movement that is tested for divergence
-FINEST_GRID = 150_000
+REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
+SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, as a share of its maximum
+BLOCK = 8192  # sample intervals whose integrals are computed together
+FEWEST_JUDGED = 20  # a movement of fewer samples is not tested for divergence
+FINEST_GRID = 150_000  # largest number of samples of a finer grid
 INTEGRALS = ("iae", "ise", "itae")
-SAME_SHARE = 2e-4  # relative difference below which a measure is the same on two grids
-DOUBT_SHARE = 1e-3  # estimated relative error above which a measure warns
+SAME_SHARE = 2e-4  # a measure is the same on two grids if it differs by less than this share
+DOUBT_SHARE = 1e-3  # a measure warns if its estimated relative error is larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class Signals:
     held: Any = 0.0
     final: float | None = None
 
-    _finer: ClassVar[Any] = None  # returns the experiment on a grid finer by `REFINEMENT`
-    _speed: ClassVar[Any] = None  # returns the modulus of the fastest pole of the loop
-    _exact: ClassVar[bool] = False  # an engine, or the caller, gave the area
+    _finer: ClassVar[Any] = None  # function that returns the experiment on a grid finer by `REFINEMENT`
+    _speed: ClassVar[Any] = None  # function that returns the modulus of the fastest pole of the loop
+    _exact: ClassVar[bool] = False  # True if a simulation or the caller provided the area
 
     def __post_init__(self) -> None:
         fields = vars(self)
@@ -65,27 +65,27 @@ class Signals:
         speed: Callable[[], float] | None,
         **signals: Array,
     ) -> Self:
-        """Make a record of checked arrays, all fields except `held` and `final`."""
+        """Make a record from checked arrays of all fields except `held` and `final`."""
         response = cls.__new__(cls)
         held = np.broadcast_to(0.0, signals["t"].size)
         vars(response).update(signals, held=held, final=None, _finer=finer, _speed=speed, _exact=True)
         return response
 
     def _derived(self, finer: Callable[[], Self] | None, **changes: Any) -> Self:
-        """Return a record with other fields and the same knowledge of its grid."""
+        """Return a record with changed fields. It keeps what is known about its grid."""
         response = replace(self, **changes)
         vars(response).update(_finer=self._finer and finer, _speed=self._speed, _exact=self._exact)
         return response
 
     def _refined(self) -> Self:
-        """Return the same experiment on a finer grid, simulated once."""
+        """Return the same experiment on a finer grid. It is simulated only once."""
         fields = vars(self)
         if "_next" not in fields:
             fields["_next"] = fields["_finer"]()
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return the record at every second time, or None if held signals change in between."""
+        """Return the record at every second time, or None if held signals change between these times."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
@@ -103,27 +103,28 @@ class Signals:
         missed: Callable[[Any], float] | None = None,
         least: float = 0.0,
     ) -> float:
-        """Return a measure that a finer grid does not change, or warn with an estimate of its error.
+        """Return a measure that does not change on a finer grid, or warn with an estimate of its error.
 
         Parameters
         ----------
         name : str
             Name of the measure, for the warning.
         measure : callable
-            Computes the measure of a record without warnings.
+            Function that computes the measure of a record without warnings.
         signal : {"y", "u"}
+            Signal to measure.
             Signal that is measured.
         missed : callable, optional
-            Bounds by how much the samples of a record underestimate extremes.
+            Function that bounds how much the samples of a record underestimate extremes.
         least : float, optional
-            Size to which a difference is relative if the value is smaller.
+            Smallest size to which a difference is relative.
 
         Notes
         -----
         Grids are compared in succession: every second sample, all samples, and finer grids. If the samples resolve the
-        fastest pole, one agreement is enough for integrals and for extremes with a small bound. Otherwise two
-        agreements are needed, and three for a time, since grids can share the decisive sample. Nothing is simulated if
-        no finer grid is needed. If the first finer grid agrees, the value of the record itself is returned.
+        fastest pole, one agreement is enough for integrals, and for extremes with a small bound. Otherwise two
+        agreements are needed, since grids can share the decisive sample. For a time three are needed. If no finer grid
+        is needed, nothing is simulated. If the first finer grid agrees, the value of the record itself is returned.
         """
         value = measure(self)
         if self._finer is None and (not self._exact or signal == "u" or self.n.any()):
@@ -136,7 +137,7 @@ class Signals:
         doubt = math.inf if thinned is None else abs(measure(thinned) - value) / size()
         if self._finer is None:
             if thinned is not None:
-                # Extremes on two grids can share a sample, so the integral of e^2 is compared, too.
+                # Two grids can share the sample of an extreme, so compare the integral of e^2 as well.
                 square, other = self._integral_of_square(), thinned._integral_of_square()
                 doubt = max(doubt, abs(other - square) / max(square, 1e-300))
                 if doubt > 3 * DOUBT_SHARE:
@@ -154,11 +155,11 @@ class Signals:
                 break
             try:
                 record = record._refined()
-            except ValueError:  # The engine does not accept so many times.
+            except ValueError:  # the engine does not accept so many times
                 break
             other, value = value, measure(record)
             doubt = abs(other - value) / size()
-        # The difference of the last two grids is at least three times the error of the last one.
+        # The error of the last grid is at most a third of the difference between the last two grids.
         if (doubt := max(doubt / 3, inside / 1.2)) > DOUBT_SHARE:
             _warn(name, doubt, record)
         return value
@@ -177,12 +178,12 @@ class Signals:
         return self.r - self.y
 
     def measured(self) -> Self:
-        """Return the experiment as a recorder at the sensor measures it, with y + n in place of y.
+        """Return the experiment as a recorder at the sensor would measure it, with y + n instead of y.
 
         Returns
         -------
         Response
-            Response with the output y + n, held as n is, and without noise.
+            Response without noise, whose output is y + n. The part n is held between samples.
 
         Examples
         --------
@@ -201,24 +202,24 @@ class Signals:
         )
 
     def against(self, reference: Self) -> Self:
-        """Return the experiment with its error relative to another response, such as the wanted one.
+        """Return the experiment with the error relative to another response, such as a desired response.
 
         Parameters
         ----------
         reference : Response
-            Response at the same times. Its output replaces the set point: `open_loop_step` of a prefilter gives the
-            filtered set point.
+            Response at the same times. Its output replaces the set point. For example, `open_loop_step` of a prefilter
+            gives the filtered set point.
 
         Returns
         -------
         Response
-            Response whose y is the difference of both outputs and whose set point is 0, so that ``e`` is ``reference.y
-            - y``.
+            Response whose y is the difference of both outputs and whose set point is 0. Its error ``e`` is
+            ``reference.y - y``.
 
         Raises
         ------
         ValueError
-            For other times.
+            If the times differ.
 
         Examples
         --------
@@ -241,26 +242,26 @@ class Signals:
         )
 
     def between(self, start: float, stop: float) -> Self:
-        """Return a part of the record as an experiment, such as one of several set-point steps.
+        """Return a section of the record as a separate experiment, such as one of several set-point steps.
 
-        Time begins at `start`. Set point, load and control signal are relative to their values just before, and y is
-        relative to the set point before. So the control error does not change, and every measure is as after a step
-        from rest.
+        Time begins at `start`. Set point, load and control signal become relative to their values just before `start`,
+        and y becomes relative to the set point before `start`. So the control error does not change, and every measure
+        is the same as after a step from rest.
 
         Parameters
         ----------
         start, stop : float
-            Beginning and end, to the nearest sample; the last sample is held until one sample time after the record.
+            Beginning and end, rounded to samples. The last sample is held until one sample time after the record.
 
         Returns
         -------
         Response
-            The part, without changes at `stop`.
+            The section, without changes at `stop`.
 
         Raises
         ------
         ValueError
-            For times that are not in order or not in the record.
+            If the times are not in order or not in the record.
 
         Examples
         --------
@@ -277,7 +278,7 @@ class Signals:
             raise ValueError(f"start and stop must be at least a sample apart, found {start!r} and {stop!r}")
         span = slice(first, last + 1)
         before = {name: getattr(self, name)[first - 1] if first else 0.0 for name in "rdu"} | {"n": 0.0}
-        # Held signals may jump at stop, where the value just before the jump belongs to the part.
+        # A held signal may jump at `stop`. Its value just before the jump belongs to the section.
         signals: dict[str, Any] = {}
         for name, level in before.items():
             held = getattr(self, name)
@@ -294,7 +295,7 @@ class Signals:
         )
 
     def _samples(self, start: float, stop: float) -> tuple[int, int]:
-        """Return the samples nearest to two times in the record, which must be in order."""
+        """Return the samples nearest to two times, which must be in order and in the record."""
         start, stop = _check.real("start", start), _check.real("stop", stop)
         first, last = round(start / self.step), round(stop / self.step)
         if not 0 <= first < last <= self.t.size:
@@ -304,7 +305,7 @@ class Signals:
         return first, last
 
     def _require_integrable(self, horizon: float | None) -> float | None:
-        """Return a checked horizon, None for the end of the record. Raise if the integral to it is not determined."""
+        """Check a horizon, and return it or None for the end of the record. Raise if the integral is not determined."""
         if horizon is None:
             self._require_bounded("the error", self.e)
             return None
@@ -331,10 +332,10 @@ class Signals:
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
-        """Raise for a signal that still grows at the end of the record, since the length of the record would decide.
+        """Raise if a signal still grows at the end of the record, since its measure would depend on the length.
 
-        Growth is sought in the last movement, since the signal first moved and since set point and load last changed,
-        unless they change all the time. A movement of few samples is not tested.
+        Growth is tested in the last movement. This begins when the signal first moved, and when set point and load last
+        changed (unless they change all the time). A movement of few samples is not tested.
         """
         if not self._grows(signal, 0):
             return
@@ -356,16 +357,16 @@ class Signals:
 
     @staticmethod
     def _movements(signal: Array, start: int) -> tuple[float, float]:
-        """Return the ranges of a signal in the last tenth of the time since a sample, and before."""
+        """Return the ranges of a signal in the last tenth of the time since a sample, and in the time before that."""
         moving = signal[start:]
         tenth = max(2, moving.size // 10)
         return float(np.ptp(moving[-tenth:])), float(np.ptp(moving[: moving.size - tenth + 1]))
 
     def _pieces(self, horizon: float | None, block: int = BLOCK) -> Iterator[tuple[Curve, Array, Array]]:
-        """Yield parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end, one for each sample interval, in blocks.
+        """Yield parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end for all sample intervals, block by block.
 
-        Each block is (c0, c1, c2), the ends and the times at s = 0. Blocks that fit into the processor's cache take
-        half the time of whole records.
+        Each block is (c0, c1, c2), the ends, and the times at s = 0. Blocks that fit into the processor's cache take
+        half as long as whole records.
         """
         horizon = self._horizon(horizon)
         for begin in range(0, self.t.size - 1, block):

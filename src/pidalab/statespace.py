@@ -1,4 +1,4 @@
-"""State-space form of a rational function, and its response to held and delayed inputs."""
+"""State-space realisations of rational functions, and their response to held and delayed inputs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.roots import roots
 
-# A dead time counts as a multiple of a sample if it differs by less than this share of a sample.
+# A dead time counts as a multiple of the sample time if it differs by less than this share of a sample.
 ALIGNED = 1e-9
 # Poles whose speeds differ by more than this factor belong to different parts.
 APART = 10.0
-# A part with more poles is not in companion form.
+# A part with at most this number of poles is in companion form.
 FEW_STATES = 12
 
 
@@ -39,7 +39,7 @@ class Part(NamedTuple):
 
 
 def parallel(*fractions: tuple[Array, Array]) -> tuple[tuple[Part, ...], float]:
-    """Split proper rational functions in series into partial fractions by speed of the poles, and a direct part."""
+    """Split a product of rational functions into partial fractions by speed of the poles, and a direct part."""
     return _parallel(*(np.ascontiguousarray(x, dtype=float).tobytes() for pair in fractions for x in pair))
 
 
@@ -52,7 +52,7 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
         num, lead = np.convolve(num, np.frombuffer(own_num)), lead * float(den[0])
         if den.size == 2:
             poles.append(complex(-den[1] / den[0]))
-        elif den.size > 2:  # Poles are computed for each function separately, which is more accurate.
+        elif den.size > 2:  # compute the poles for each function separately, which is more accurate
             poles += roots(den).tolist()
     groups: list[list[complex]] = []
     for p in sorted(poles, key=abs):
@@ -67,12 +67,12 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
 
 
 def _part(num: Array, lead: float, own: list[complex], others: list[complex]) -> Part:
-    """Realise the partial fraction over some poles, in their own unit of time."""
+    """Realise the partial fraction with some of the poles, in a unit of time that suits them."""
     n, unit = len(own), abs(own[-1]) or 1.0
     numerator: Any
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
     if n <= FEW_STATES:
-        # Powers of x = s/unit keep the digits of the static gain behind a filter that is much faster than a sample.
+        # Powers of x = s/unit preserve the digits of the static gain if a filter is much faster than a sample.
         q = monic([p / unit for p in own])
         M = np.eye(n, k=-1)
         M[:, -1] = [-c for c in q]
@@ -89,7 +89,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
 
 
 def monic(poles: list[complex]) -> list[float]:
-    """Return the coefficients of the polynomial of the poles, lowest first, without the leading 1."""
+    """Return the coefficients of the monic polynomial with these poles, lowest first, without the leading 1."""
     q: list[complex] = []
     for p in poles:
         q = [low - p * high for low, high in zip([0.0, *q], [*q, 1.0], strict=True)]
@@ -97,16 +97,16 @@ def monic(poles: list[complex]) -> list[float]:
 
 
 def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
-    """Return num (descending powers of x) divided by all x - p, modulo q (see `monic`), lowest power first.
+    """Divide num (in descending powers of x) by all x - p, modulo q (see `monic`). Return the lowest power first.
 
-    For so few numbers plain Python is faster than array operations.
+    With so few numbers, plain Python is faster than array operations.
     """
     v: list[complex] = [0.0] * len(q)
     for coefficient in num:
         top = v[-1]
         v = [low - c * top for low, c in zip([coefficient, *v[:-1]], q, strict=True)]
     for p in poles:
-        # Solve (x - p) w = v + top q from the side from which rounding does not grow.
+        # Solve (x - p) w = v + top q, starting from the end at which rounding errors do not grow.
         above, below = 0j, 1 + 0j
         for numerator, denominator in zip(v[::-1], q[::-1], strict=True):
             above, below = above * p + numerator, below * p + denominator
@@ -128,9 +128,9 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
 
 
 def _chain(poles: Any) -> Array:
-    """Return multiplication by x, modulo the polynomial of the poles.
+    """Return the matrix of multiplication by x, modulo the polynomial of the poles.
 
-    It acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), ..., since long polynomials lose digits in powers of x.
+    The matrix acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... Long polynomials lose digits in powers of x.
     """
     M = np.diag(poles.real) + np.eye(poles.size, k=-1)
     for i in np.flatnonzero(poles.imag > 0):
@@ -139,8 +139,8 @@ def _chain(poles: Any) -> Array:
 
 
 def numerator(part: Part) -> Any:
-    """Return the numerator of a part over the monic polynomial of its poles, in descending powers."""
-    # `now` is the polynomial of a state, `before` that of the previous one.
+    """Return the numerator of a part in descending powers. The denominator is the monic polynomial of its poles."""
+    # `now` is the polynomial of the present state, and `before` that of the previous state.
     before, now, total = np.zeros(1), np.ones(1), np.zeros(1)
     for i in range(part.b.size):
         total = np.polyadd(total, part.b[i] * now)
@@ -153,7 +153,7 @@ def numerator(part: Part) -> Any:
 
 
 def _side_by_side(parts: Sequence[Part], moves: Sequence[tuple[Array, Array]], direct: float) -> StateSpace:
-    """Assemble parts in parallel, each with its state matrix and its input vector."""
+    """Assemble parts in parallel, given the state matrix and input vector of each part."""
     A = np.zeros((sum(part.b.size for part in parts),) * 2)
     at = 0
     for block, _ in moves:
@@ -170,21 +170,21 @@ def realise(num: Array, den: Array) -> StateSpace:
 
 
 def discretise(num: Array, den: Array, h: float) -> StateSpace:
-    """Discretise a proper rational function for an input that is held for h at a time."""
+    """Discretise a proper rational function for an input that is held for a time h."""
     parts, direct = parallel((num, den))
     return _side_by_side(parts, [held(part.A, part.b, h) for part in parts], direct)
 
 
 class Piece(NamedTuple):
-    """Part of a sample interval in which a held, delayed input is constant."""
+    """Section of a sample interval in which a held and delayed input is constant."""
 
     time: float
-    lag_samples: int  # number of samples since the input was set
-    offset: float  # time from the beginning of a pulse to that of the piece
+    lag_samples: int  # age of the input in samples
+    offset: float  # time from the beginning of a pulse to the beginning of the piece
 
 
 def pieces(delay: float, h: float) -> list[Piece]:
-    """Return the one or two pieces of a sample. The older input acts during the fractional part of the dead time."""
+    """Return the one or two pieces of a sample interval. The older input acts during the fractional dead time."""
     samples = delay / h
     samples_passed = math.floor(samples + ALIGNED)
     part = h * (samples - samples_passed)
@@ -194,17 +194,17 @@ def pieces(delay: float, h: float) -> list[Piece]:
 
 
 def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
-    """Return (phi, gamma) with x(t + duration) = phi x(t) + gamma w for an input w that is held."""
+    """Return (phi, gamma) with x(t + duration) = phi x(t) + gamma w for a held input w."""
     from scipy.linalg import expm, matrix_balance
 
     n = b.size
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = A, b
-    # Rows of a fast and a slow pole differ by powers of ten, so the exponential would lose the small ones unbalanced.
+    # Rows of a fast and a slow pole differ by powers of ten. Without balancing, the exponential would lose small rows.
     balanced, (scale, _) = matrix_balance(augmented, permute=False, separate=True)
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # After a while only the static gain of a fast filter remains, and this form keeps its digits.
+        # After so long only the static gain of a fast filter remains. This form preserves its digits.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

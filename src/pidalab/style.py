@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 GREY = "#808080"  # for limits, set points and records
-LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab/lab.css
+LOOKS: dict[str, dict[str, Any]] = {  # equal to those of the lab, book/_static/lab/lab.css
     "PIDA": {"color": "#1f5fa8", "linestyle": "-"},
     "m = 3": {"color": "#2a8f5b", "linestyle": (0, (6, 1.5))},
     "m = 4": {"color": "#8a4fa3", "linestyle": (0, (1, 1.5))},
@@ -18,9 +18,9 @@ LOOKS: dict[str, dict[str, Any]] = {  # the same as in the lab, book/_static/lab
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
     "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
-# Looks for further designs of a kind, of which the first free one is used.
+# Further designs of a kind have the first free look of these.
 OTHERS = ("m = 3", "m = 4", "other", "PID", "PI", "PIDA")
-SETTLED = {  # Looks of controllers and anti-windup methods that appear on several pages.
+SETTLED = {  # fixed looks of controllers and anti-windup methods that appear on several pages
     "PPM-PIDA": "m = 3",
     "PIDA$_1$": "m = 4",
     "PIDA$_2$": "other",
@@ -40,7 +40,7 @@ STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "axes.formatter.min_exponent": 3,  # 0.1 and 20 rather than powers of ten
+    "axes.formatter.min_exponent": 3,  # write 0.1 and 20 instead of powers of ten
     "axes.titlesize": "medium",
     "axes.titlelocation": "left",
     "axes.prop_cycle": cycler(
@@ -48,20 +48,20 @@ STYLE: dict[str, Any] = {
     ),
     "grid.color": GREY,
     "grid.alpha": 0.25,
-    "font.size": 12,  # points: the size of the text, and 9 px where a figure 6.4 inches wide fills a phone
+    "font.size": 12,  # points, as the text; equals 9 px where a figure 6.4 inches wide fills a phone
     "figure.titlesize": "medium",
     "figure.labelsize": "medium",
     "legend.frameon": False,
     "legend.handlelength": 2.4,
     "lines.linewidth": 1.8,
     "figure.constrained_layout.use": True,
-    "svg.fonttype": "none",  # words, not outlines: they have the font of the page around them
+    "svg.fonttype": "none",  # writes words instead of outlines, so that the page determines their font
     "svg.hashsalt": "pidalab",
 }
 
 
 def kind_of(label: str) -> str | None:
-    """Return the kind of controller in a label. "m = 2" and "PID₄²" have two derivatives."""
+    """Return the kind of controller that a label names. "m = 2" and "PID₄²" have two derivatives."""
     if derivative_label := re.match(r"m = ([0-4])|PID[₀-₉]([⁰¹²³⁴])", label):
         derivatives = int(derivative_label[1] or "⁰¹²³⁴".index(derivative_label[2]))
         return ("PI", "PID", "PIDA", "m = 3", "m = 4")[derivatives]
@@ -70,9 +70,9 @@ def kind_of(label: str) -> str | None:
 
 
 class BookAxes(Axes):
-    """Axes whose lines have the look of the kind of controller in their label, the same in all axes of a figure.
+    """Axes in which the label of a line determines its look. The same kind has the same look in the whole figure.
 
-    If the figure has lines of a kind, a label without a kind gets a free look.
+    If the figure has lines of a kind, a label that names no kind gets a free look.
     """
 
     name = "rectilinear"
@@ -93,7 +93,7 @@ class BookAxes(Axes):
             order = [kind for kind in (kind_of(label), *OTHERS) if kind]
             here = [line.get_color() for line in self.lines]
             free = [kind for kind in order if kind not in given.values()]
-            # If all looks are used in the figure, use one that these axes do not have yet.
+            # If all looks are used in the figure, use a look that these axes do not have yet.
             free += [kind for kind in order if LOOKS[kind]["color"] not in here]
             given[label] = SETTLED.get(label) or [*free, *order][0]
         return LOOKS[given[label]]

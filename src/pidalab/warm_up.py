@@ -1,6 +1,6 @@
-"""Compile every kernel by using it once: ``python -m pidalab.warm_up``.
+"""Compile every kernel by using each of them once: ``python -m pidalab.warm_up``.
 
-A process that has spent a second in plain forms runs this in the background (`pidalab._compiled`).
+A process that has spent a second in plain forms runs this module in the background (`pidalab._compiled`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def use_all() -> None:
 
 
 def main() -> None:
-    """Compile all kernels at low priority, and record it for later processes."""
+    """Compile all kernels at low priority. Record the completion for later processes."""
     os.environ["PIDALAB_COMPILE"] = "1"
     from pidalab._compiled import TIER, declare_complete
 

@@ -259,8 +259,8 @@ def test_an_unexplained_number_gets_the_first_step(page, task):
 
 
 def test_a_filter_may_be_too_long(page):
-    assert "with less it is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
-    assert "more of it" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
+    assert "a smaller one the loop is stable" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 3.7})["say"]
+    assert "too small" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
 
 
 # --- fifty answers to each task, right and wrong, against the library ------------------------------------------------
@@ -357,4 +357,4 @@ def test_fifty_answers_are_judged_as_by_the_library(page, task):
 def test_the_edge_of_stability_is_approached_from_the_stable_side(page, share):
     verdict = page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.0227 * share})
     assert not verdict["right"]
-    assert "already unstable" in verdict["say"]
+    assert "the loop is unstable" in verdict["say"]

@@ -489,7 +489,7 @@ SHOWN = [
     (TWO, rf"\n\[{N} {N} \] \[0", lambda: [pi / 4, 3 * pi / 16]),
     (
         TWO,
-        rf"The PIDA: IAE {N}, PID {N}, PI {N}",
+        rf"its IAE is {N}, that of PID {N}, that of PI {N}",
         lambda: [
             iae(standard(1.4563, 3.74526, 1.14511, 0.8491, 0.31331)),
             iae(standard(0.87905, 2.49711, 0.99221, 0, 0.12353, 2)),
@@ -517,17 +517,17 @@ SHOWN = [
     (THREE, rf"exp\(-1\) = {N}", lambda: [1 / e]),
     (
         FOUR,
-        rf"Order 3, 6, 2: \$M_s\$ {N}, {N}, {N}",
+        rf"an \$M_s\$ of {N}\. Order 6 has {N} and order 2 has {N}\.",
         lambda: [ms(standard(*IPDT, tf, n), integrator) for n, tf in FILTERS],
     ),
-    (FOUR, rf"are {N}, {N} and {N}: one order", lambda: [n * tf for n, tf in FILTERS]),
+    (FOUR, rf"are {N}, {N} and {N}\. So one order", lambda: [n * tf for n, tf in FILTERS]),
     *(
         (FOUR, rf"n = {n}: {N}, by hand {N}, square root of n times it {N}", partial(humps, n))
         for n in (2, 3, 4, 6, 20)
     ),
     *((FOUR, rf"\nn = {n} \| {N} \| {N}", partial(shortest_filter, n)) for n in (2, 3, 4, 6)),
     (FIVE, rf"above the least {N}", lambda: [1 + 0.5 / 0.1]),
-    (FIVE, rf"Together {N}\.", lambda: [1 + 0.5 / 0.2]),
+    (FIVE, rf"The sum is {N}\.", lambda: [1 + 0.5 / 0.2]),
     (
         SIX,
         rf"predicted {N}",
@@ -638,7 +638,7 @@ SAME = [
     ),
     ((ONE, rf"PIDA 1/ki = {N}"), (SIX, rf"1/ki {N}")),
     (
-        (TWO, rf"The PIDA: IAE [\d.]+, PID {N}"),
-        (THREE, rf"The best PID under both limits has an IAE of {N}:"),
+        (TWO, rf"its IAE is [\d.]+, that of PID {N}"),
+        (THREE, rf"The best PID under both limits has an IAE of {N}\."),
     ),
 ]

@@ -174,7 +174,7 @@ def test_three_kinds_by_a_rule(lab):
     alone = page.evaluate(COLUMNS)[0][4]
     rows = three_kinds(page)
     assert rows[2][4] == alone
-    assert "over the ultimate gain 2.5." in page.locator(".lab-table p").inner_text()
+    assert "divided by the ultimate gain 2.5." in page.locator(".lab-table p").inner_text()
     assert [row[0] for row in rows] == ["PI", "PID", "PIDA"]
     assert [row[3] for row in rows] == ["1.4"] * 3
     iae = [float(row[1]) for row in rows]
@@ -184,7 +184,7 @@ def test_three_kinds_by_a_rule(lab):
     noise = [float(row[4]) for row in rows]
     assert noise == pytest.approx([0.0735, 0.81, 1.5], rel=2e-3)  # for the shortest filters, and at the limit
     notes = page.locator(".lab-note").all_inner_texts()
-    assert notes[0] == "It needs a relative noise gain of only 0.0735 of the 1.5 allowed."
+    assert notes[0] == "Its relative noise gain is only 0.0735; the limit is 1.5."
     assert len(notes) == 2
     enter(page, "noise limit", "0,5")
     page.wait_for_function(f"() => ({COLUMNS})().slice(1).every(row => row[4] > 0.499 && row[4] <= 0.5)")
@@ -198,7 +198,7 @@ def test_a_design_by_hand_has_a_note(lab):
     page.wait_for_function("() => document.querySelector('.lab-note')")
     note = page.locator(".lab-note").inner_text()
     assert re.match(
-        r"By hand: Ms 1\.\d+ and relative noise gain .*, where the others have at most 1\.4 and 1\.5", note
+        r"This design by hand has Ms 1\.\d+ and a relative noise gain of .* have at most 1\.4 and 1\.5", note
     )
     # the button applies fair terms to designs by hand
     press(page, "PI, PID and PIDA by this rule")
@@ -418,7 +418,7 @@ def test_a_change_of_plant_retunes_or_explains_why_not(lab):
     page = lab()
     choose(page, "plant", "huba-ipdt")
     # a rule that does not apply is replaced, and nothing is shown until the search ends
-    announced(page, "needs a plant that does not integrate; least IAE in place of cancel the lags")
+    announced(page, "does not integrate; the lab uses least IAE instead of “cancel the lags")
     page.wait_for_function("() => !document.querySelector('.pidalab-lab').lab.state.designs[0].pending")
     choose(page, "rule", "cancellation")
     page.wait_for_function(

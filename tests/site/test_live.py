@@ -131,7 +131,7 @@ def shown(open_figure, **more):
     assert page.locator(".lab-live").text_content().count(" IAE load ") == 3
     words = page.locator(".lab-table p").all_text_contents()
     assert len(words) == ("sigma" in more["numbers"])
-    assert all("over the ultimate gain" in each for each in words)
+    assert all("divided by the ultimate gain" in each for each in words)
     return [dict(zip(more["numbers"], row, strict=True)) for row in numbers], plots(host)
 
 

@@ -1,6 +1,6 @@
 /* Hidden plants: each <div class="pidalab-hidden"> becomes ten plants whose models the page does not show. The learner makes
-   a noisy step test and sets the gains within a time limit. They are judged on the true plant. The score is stored in the
-   browser. */
+   a noisy step test and sets the gains within a time limit. The gains are judged with the true plant. The browser stores the
+   score. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, margins, respond } = globalThis.pidalabEngine;
@@ -14,7 +14,7 @@
     return JSON.parse(bytes.map((byte, k) => String.fromCharCode(byte ^ KEY.charCodeAt(k % KEY.length))).join(""));
   }
 
-  /* Return a record {t, u, y} of a unit step of u at a twentieth of the time, from an arbitrary level. */
+  /* Return a record {t, u, y} of a unit step of u after a twentieth of the time, from an arbitrary level. */
   function stepTest(name, random) {
     const plant = plantOf(name), h = plant.end / SAMPLES, u = Array.from({ length: SAMPLES + 1 }, (_, k) => (k >= SAMPLES / 20 ? 1 : 0));
     const clean = respond(plant, u, h), size = Math.max(...clean.map(Math.abs)), level = 3 * size * random();
@@ -25,20 +25,20 @@
   function judged(name, { kp, ti, td, ta, Tf }) {
     const plant = plantOf(name), { num, den, delay } = plant, process = { num, den, delay }, kind = ta ? "PIDA" : td ? "PID" : "PI";
     const design = { kind, kp, ti, td, ta, filterTime: Tf, filterOrder: { PI: 1, PID: 2, PIDA: 3 }[kind] };
-    if (!(ti > 0) || !(Tf >= 0) || td < 0 || ta < 0) return { points: 0, say: "Times must be above 0; td, ta and Tf may be 0." };
+    if (!(ti > 0) || !(Tf >= 0) || td < 0 || ta < 0) return { points: 0, say: "ti must be above 0; td, ta and Tf must be at least 0." };
     if (!Tf && kind !== "PI") return { points: 0, say: "A derivative needs a filter: give a filter time above 0." };
     const found = margins({ process, controller: controller(design) });
-    if (!found.stable) return { points: 0, say: kp * gainSign(plant) < 0 ? "Unstable: the gain of the plant has the other sign." : "Unstable on the true plant: less gain." };
+    if (!found.stable) return { points: 0, say: kp * gainSign(plant) < 0 ? "Unstable: the gain of the plant has the other sign." : "Unstable on the true plant: use less gain." };
     const noise = relativeNoiseGain(process, design), t = respondTo(process, design, plant), points = Math.round(100 * Math.min(1, plant.iae / t));
-    const facts = `Ms ${found.ms.toPrecision(3)}, relative noise gain ${noise.toPrecision(3)}, IAE ${t.toPrecision(3)}, ${(t / plant.iae).toPrecision(3)} times the least.`;
-    if (!(found.ms <= MS * SLACK)) return { points: 0, say: `${facts} No points: Ms must be at most ${MS}, so less gain.` };
-    if (!(noise <= NOISE * SLACK)) return { points: 0, say: `${facts} No points: the relative noise gain must be at most ${NOISE}, so a longer filter or less derivative action.` };
+    const facts = `Ms ${found.ms.toPrecision(3)}, relative noise gain ${noise.toPrecision(3)}, IAE ${t.toPrecision(3)}, ${(t / plant.iae).toPrecision(3)} times the least possible.`;
+    if (!(found.ms <= MS * SLACK)) return { points: 0, say: `${facts} No points: Ms must be at most ${MS}: use less gain.` };
+    if (!(noise <= NOISE * SLACK)) return { points: 0, say: `${facts} No points: the relative noise gain must be at most ${NOISE}: use a longer filter or less derivative action.` };
     return { points, say: `${facts} ${points} points.` };
   }
 
   const gainSign = ({ num, den }) => Math.sign(num[num.length - 1] * den[den.findLastIndex((c) => c !== 0)]);
 
-  /* Return the IAE after a unit load step until the loop is at rest, with the integral of the error for the remainder. */
+  /* Return the IAE after a unit load step, until the loop is at rest. The integral of the error gives the remainder. */
   function respondTo(process, design, { end }) {
     const own = controller(design), run = simulate({ process, controller: own, end: 4 * end, points: 4001, load: 1 });
     const area = run.y.reduce((sum, y, k) => (k ? sum + 0.5 * (run.t[k] - run.t[k - 1]) * (y + run.y[k - 1]) : 0), 0);
@@ -75,7 +75,7 @@ if (typeof document !== "undefined") (function () {
       this.boxes = Object.fromEntries(FIELDS.map(([name]) => [name, element("input", { type: "text", inputmode: "decimal", autocomplete: "off", id: `hidden-${name}` })]));
       this.form = element("form", { class: "task-form", onsubmit: (event) => { event.preventDefault(); this.judge(); } },
         element("div", { class: "task-fields" }, ...FIELDS.map(([name, words]) => element("div", { class: "task-field" }, element("label", { for: `hidden-${name}` }, element("i", {}, name[0]), element("sub", {}, name.slice(1)), ` ${words}`), this.boxes[name]))),
-        element("p", { class: "task-actions" }, element("button", { type: "submit", class: "lab-button" }, "Judge it on the plant")));
+        element("p", { class: "task-actions" }, element("button", { type: "submit", class: "lab-button" }, "Judge the controller")));
       this.said = element("p", { class: "task-verdict", role: "status" });
       this.table = element("div", { class: "lab-table", tabindex: 0, role: "region", "aria-label": "Your scores" });
       const row = (label, box) => element("div", { class: "lab-row lab-choice" }, element("label", { for: box.id }, label), box);
@@ -95,7 +95,7 @@ if (typeof document !== "undefined") (function () {
       this.show();
     }
 
-    /* The clock starts with the first test. A second test has different noise. */
+    /* Start the clock with the first test. A second test has different noise. */
     test() {
       const first = !this.record;
       this.record = stepTest(this.name, Math.random);
@@ -115,7 +115,7 @@ if (typeof document !== "undefined") (function () {
     }
 
     judge() {
-      if (Date.now() > this.until) return this.tell("The time is over: choose the plant again for another turn.", false);
+      if (Date.now() > this.until) return this.tell("The time is over: choose the plant again to start anew.", false);
       const given = {};
       for (const [name, words] of FIELDS) {
         const text = this.boxes[name].value.trim(), x = text ? readNumber(text) : name === "td" || name === "ta" ? 0 : NaN;
@@ -147,7 +147,7 @@ if (typeof document !== "undefined") (function () {
       const rows = names().map((name) => [name, this.scores[name]]), sum = rows.reduce((all, [, score]) => all + (score?.points ?? 0), 0);
       plot.show(this.table, ["table", {}, ["thead", {}, ["tr", {}, ["th", { scope: "col" }, "plant"], ["th", { scope: "col" }, "points"], ["th", { scope: "col" }, "tries"]]],
         ["tbody", {}, ...rows.map(([name, score]) => ["tr", {}, ["th", { scope: "row" }, name], ["td", {}, score ? String(score.points) : "–"], ["td", {}, score ? String(score.tries) : "–"]]),
-          ["tr", {}, ["th", { scope: "row" }, "together, of 1000"], ["td", {}, String(sum)], ["td", {}, ""]]]]);
+          ["tr", {}, ["th", { scope: "row" }, "sum, of 1000"], ["td", {}, String(sum)], ["td", {}, ""]]]]);
     }
 
     /* Show the plants and their best controllers, for teachers. */

@@ -1,13 +1,13 @@
-/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state, which the page's address and
-   the exported file contain, too. Each change of the state redraws everything. */
+/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state. The address of the page and the
+   exported file contain this state, too. Each change of the state redraws everything. */
 (function () {
   "use strict";
   const { PLANTS, RULES, ORDER, alike, ownPlant, controller, study, noiseScale, noiseGainAt, readNumber, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot, { element, marked } = plot;
 
-  /* A design is a card: its own rule, limits and anti-windup. In a fair comparison Ms and relative noise gain are those of
-     all, and a rule's gain and filter follow from them. */
+  /* A design is a card with its own rule, limits and anti-windup. In a fair comparison all designs share Ms and relative noise
+     gain, which determine the gain and filter of a rule. */
   const DESIGN = {
     name: "", kind: "PIDA", rule: "hand", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3,
     limited: false, low: -1, high: 3, antiWindup: "clamping",
@@ -20,7 +20,7 @@
   const MOST = 5, PAST = 100, LARGEST_FILE = 5e7;
   const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
 
-  /* Return a colour and a dash for each design: that of its kind or, for a second one of a kind, the next free one. */
+  /* Return a colour and a dash for each design. They are those of its kind or, for a second design of a kind, the next free. */
   function looksOf(kinds) {
     const taken = new Set();
     return kinds.map((kind) => {
@@ -37,9 +37,9 @@
 
   let names = 0;
 
-  /* A slider and a number for one value. The number takes any value, the slider the usual ones with three digits. A step must
-     change these digits, or a key would move the slider without the value. On a logarithmic slider a negative value keeps its
-     sign, and a value beyond its end extends it. */
+  /* Create a slider and a number for one value. The number takes any value, the slider takes the usual values with three
+     digits. A step must change these digits, or a key would move the slider without changing the value. On a logarithmic slider
+     a negative value keeps its sign. A value beyond the end of a slider extends the slider. */
   function slider({ label, help, low, high, log, step, get, set }) {
     const id = `lab-input-${++names}`;
     const to = log ? (x) => Math.log10(Math.max(Math.abs(x), low)) : (x) => x;
@@ -53,7 +53,7 @@
       onchange: () => {
         const entered = readNumber(box.value);
         if (Number.isFinite(entered)) set(entered);
-        else box.dispatchEvent(new CustomEvent("lab-refused", { bubbles: true, detail: `${label} must be a number, such as 2.5, 2,5 or 5/2, found “${box.value.slice(0, 30)}”. It is as before.` }));
+        else box.dispatchEvent(new CustomEvent("lab-refused", { bubbles: true, detail: `${label} must be a number, such as 2.5, 2,5 or 5/2, found “${box.value.slice(0, 30)}”. Its value is unchanged.` }));
         box.value = digits(get(), 4);
       },
     });
@@ -90,10 +90,10 @@
 
   // --- the plots ----------------------------------------------------------------------------------------------------
 
-  /* The control signal has extra times where derivatives kick, and the output has times between samples. */
+  /* The control signal has extra times where derivatives kick, and the output has extra times between samples. */
   const signals = (s, key, which) => (key === "u" ? s[which].fine : s[which].between) || s[which];
 
-  /* Return the range of a signal over all runs, 0 included. Unstable loops do not count, unless all are unstable. */
+  /* Return the range of a signal over all runs, including 0. Unstable loops count only if all loops are unstable. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
@@ -106,20 +106,20 @@
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
 
-  /* Return a signal up to the end of the axis; the last point may lie beyond. */
+  /* Return a signal up to the end of the axis. The last point may lie beyond the end. */
   function until(run, key, end) {
     const count = run.t.findIndex((time) => time >= end) + 1 || run.t.length;
     return { x: run.t.subarray(0, count), y: run[key].subarray(0, count) };
   }
 
-  /* Return a function of the curve, a little beyond the frame, which clips it. */
+  /* Return the values of a curve slightly beyond the frame, which clips them. */
   function along(curve, [low, high], f) {
     const x = [], y = [];
     curve.w.forEach((w, k) => { if (w > 0.8 * low && w < 1.25 * high) { x.push(w); y.push(f(curve, k)); } });
     return { x, y };
   }
 
-  /* Draw the plots that have a place; `places` holds elements by the name of the plot. */
+  /* Draw the plots that have a place. `places` contains elements by the name of the plot. */
   function drawPlots(places, process, shown, { ms, record, handles = {} }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
@@ -178,21 +178,21 @@
   const OVER_FREQUENCY = ["nyquist", "bode", "closed", "lead", "noise"];
 
   /* Return the words that replace the margins of an unstable loop. */
-  const verdict = (s) => (s.unknown ? "too slow for its sample time to tell whether it is stable" : "unstable");
+  const verdict = (s) => (s.unknown ? "so slow for this sample time that its stability is unknown" : "unstable");
 
-  /* Return the head of a column; a formula may break at its fraction bar. */
+  /* Return the head of a column. A formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => [...(k ? [["wbr", {}]] : []), ...marked(part)])];
 
-  /* Return the sentence on the noise of a table, which is the same for all rows. */
+  /* Return the sentence on the noise of a table. It is the same for all rows. */
   function noiseMeant(shown, process) {
-    const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " – stands where it is not defined." : "", { gain } = noiseScale(process);
-    return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, over the ultimate gain ${digits(gain)}.${none}`;
+    const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " A dash (–) means that it is not defined." : "", { gain } = noiseScale(process);
+    return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain ${digits(gain)}.${none}`;
   }
 
-  /* Return the columns that a loop has: an unstable loop has no margins, only numbers of its loop gain. */
+  /* Return the columns that exist for a loop. An unstable loop has no margins, only numbers of its loop gain. */
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
-  /* Draw the table of numbers; `below` gives a line of words under each row. */
+  /* Draw the table of numbers. `below` returns a line of words for each row. */
   function drawTable(place, first, process, shown, keys, count, below) {
     const rows = (s) => {
       const found = known(s, keys), missing = keys.length - found.length, more = below?.(s);
@@ -253,14 +253,14 @@
       require(given, "given");
       if (!(given.num && given.den && given.end)) throw new RangeError("its plant lacks num, den or end");
     }
-    if (designs !== undefined && !(Array.isArray(designs) && designs.length && designs.length <= MOST)) throw new RangeError(`its designs must be 1 to ${MOST}`);
+    if (designs !== undefined && !(Array.isArray(designs) && designs.length && designs.length <= MOST)) throw new RangeError(`it must have 1 to ${MOST} designs`);
     for (const design of designs ?? []) require(design, "design");
-    // a link without limits keeps its own filters
+    // A link without limits keeps the filters of its designs.
     const searched = (designs ?? []).every((each) => [undefined, "hand", "optimum"].includes(each.rule));
     return { fair: searched, ...state };
   }
 
-  /* Return the fields of an object that differ from another, numbers with six digits. */
+  /* Return the fields of an object that differ from another object. Numbers are rounded to six digits. */
   const differing = (object, from) => Object.fromEntries(Object.entries(object).filter(([key, value]) => value !== from[key])
     .map(([key, value]) => [key, typeof value === "number" ? Number(value.toPrecision(6)) : value]));
 
@@ -291,7 +291,7 @@
         this.worker.onmessage = ({ data: { key, found } }) => { this.busy = false; this.known.set(key, found); this.wanted.delete(key); this.heard(); this.begin(); };
       }
       this.busy = true;
-      this.worker.postMessage([...this.wanted.values()].pop()); // the latest request
+      this.worker.postMessage([...this.wanted.values()].pop()); // send the latest request
     }
 
     /* Forget searches that are no longer wanted. */
@@ -337,7 +337,7 @@
       this.takeOver(given);
     }
 
-    /* Take over parts of a state. A design without a rule is one by hand. */
+    /* Take over parts of a state. A design without a rule is a design by hand. */
     takeOver(given) {
       if (!given) return;
       const designs = (given.designs ?? this.state.designs).map((each) => ({ ...DESIGN, ...(each.kind ? { filterOrder: ORDER[each.kind] + 1 } : {}), ...each }));
@@ -351,13 +351,13 @@
       return plant === "own" ? ownPlant(own) : plant === "given" && given ? given : PLANTS[plant] ?? PLANTS.lags3;
     }
 
-    /* The end is the same for all designs. */
+    /* Return the end of the time axis, which is the same for all designs. */
     conditionsOf({ limited, low, high, antiWindup, trackingTime }) {
       const { sampled, sampleTime, noisy, noise } = this.state;
       return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, trackingTime, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
     }
 
-    /* Return a setting; in a fair comparison all designs share it. */
+    /* Return a setting. In a fair comparison all designs share it. */
     knob(key, design = this.design) { return this.state.fair ? this.state[key] : design[key] ?? this.state[key]; }
 
     /* Return true if gain and filter of a design follow from the common Ms and noise limit. */
@@ -381,16 +381,16 @@
         const found = this.seeker.ask(this.process, design.kind, { ms: knob, noise: this.knob("noiseGain", design) });
         if (!found) { this.problems[k] = "the search is running"; return design; }
         if (found.problem) throw new RangeError(found.problem);
-        if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} descents ended here: there may be a better one`;
+        if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} searches found this design: there may be a better one`;
         return { ...design, ...found.design, pending: undefined };
       } catch (error) {
-        // a design that was never found is not shown; any other one keeps its gains
-        this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule has its own gain; " : ""}${design.pending ? "there is no design" : "its gains are as before"}`;
+        // A design that was never found is not shown. Any other design keeps its gains.
+        this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule uses its own gain; " : ""}${design.pending ? "no design is shown" : "the gains are unchanged"}`;
         return design;
       }
     }
 
-    /* Change the state, apply the rules, draw. A "step" can be undone; the result of a search belongs to the step before. */
+    /* Change the state, apply the rules and draw. A "step" can be undone. The result of a search belongs to the step before it. */
     change(update, store = "step") {
       Object.assign(this.state, update);
       this.seeker.clear();
@@ -405,7 +405,7 @@
       const words = [], names = this.names(), designs = this.state.designs.map((design, k) => {
         const { slow, name } = RULES[design.rule] ?? RULES.hand;
         if (!this.problems[k] || slow) return design;
-        words.push(`${names[k]}: ${this.problems[k].split("; ")[0]}; least IAE in place of ${name}.`);
+        words.push(`${names[k]}: ${this.problems[k].split("; ")[0]}; the lab uses least IAE instead of “${name}”.`);
         return { ...design, rule: "optimum", pending: true };
       });
       if (!words.length) return;
@@ -429,8 +429,8 @@
 
     link() { return write(this.shared()); }
 
-    /* Put the state into the address when controls rest, since a browser allows few changes of it in a second. Do not replace
-       an address that was given meanwhile and is about to be announced. */
+    /* Put the state into the address when controls rest, since a browser permits few changes of it per second. Do not replace
+       an address that was given in the meantime and is about to be announced. */
     save() {
       if (!this.unsaved || location.hash !== this.heard) return;
       const now = JSON.stringify(this.state);
@@ -461,8 +461,8 @@
       this.ownRows = element("div", {},
         ownValue("gain", "gain", 0.1, 10, true), ownValue("lag T1", "t1", 0.01, 100, true),
         ownValue("lag T2", "t2", 0, 10, false), ownValue("lag T3", "t3", 0, 10, false),
-        ownValue("damping", "damping", 0.05, 1, false, "below 1 the lags T1 and T2 become an oscillating pair with time T1"),
-        ownValue("zero", "zero", -3, 3, false, "time constant of a zero, 1 + zero·s; negative: the wrong way first"),
+        ownValue("damping", "damping", 0.05, 1, false, "if it is below 1, the lags T1 and T2 become an oscillating pair with time T1"),
+        ownValue("zero", "zero", -3, 3, false, "time constant of a zero, 1 + zero·s; a negative value gives an inverse response"),
         ownValue("dead time", "delay", 0, 10, false),
         tick({ label: "integrating", get: () => this.state.own.integrating, set: (x) => own({ integrating: x }) }));
 
@@ -471,7 +471,7 @@
       this.host.addEventListener("lab-refused", ({ detail }) => this.say(detail));
       const drop = element("div", { class: "lab-drop" },
         file, element("label", { for: "lab-file", class: "lab-button" }, "Open a record or designs"),
-        element("span", { class: "lab-facts" }, " or drop it here: a CSV file of time, input and output, or of time and output; designs saved by the lab are JSON."));
+        element("span", { class: "lab-facts" }, " or drop the file here. A record is a CSV file with time, input and output, or with time and output. Designs saved by the lab are JSON files."));
       drop.addEventListener("dragover", (event) => event.preventDefault());
       drop.addEventListener("drop", (event) => { event.preventDefault(); this.take(event.dataTransfer.files[0]); });
 
@@ -542,11 +542,11 @@
       document.body.classList.add("lab-page");
     }
 
-    /* Change the filter. Rules that leave it to the user stay, those that compute it become designs by hand. The comparison is
-       then no longer fair. */
+    /* Change the filter. Rules that leave the filter to the user stay, and rules that compute it become designs by hand. The
+       comparison is then no longer fair. */
     filter(update) {
       if ("filterTime" in update && this.onTerms(this.design)) {
-        this.say("The filter time is yours now, so the comparison is no longer fair.");
+        this.say("You set the filter time, so the comparison is no longer fair.");
         this.state.fair = false;
       }
       this.edit({ ...(RULES[this.design.rule]?.slow ? { rule: "hand" } : {}), ...update });
@@ -554,7 +554,7 @@
 
     pick({ num, den, delay }) { return { num, den, delay }; }
 
-    /* A press on a card chooses its design; a press on its cross removes it. */
+    /* Choose a design when its card is pressed, and remove it when its cross is pressed. */
     pressed(target) {
       const card = target.closest("[data-k]"), k = Number(card?.dataset.k), { designs, chosen } = this.state;
       if (!card) return;
@@ -584,15 +584,15 @@
     async take(file) {
       if (!file) return;
       try {
-        if (file.size > LARGEST_FILE) throw new RangeError(`it has ${Math.round(file.size / 1e6)} million characters, at most ${LARGEST_FILE / 1e6} are read`);
+        if (file.size > LARGEST_FILE) throw new RangeError(`it has ${Math.round(file.size / 1e6)} million characters; the lab reads at most ${LARGEST_FILE / 1e6} million`);
         plot.show(this.live, `Reading ${file.name} …`);
         const text = await file.text();
         if (file.name.endsWith(".json")) this.takeSaved(text); else this.takeRecord(text, file.name);
       } catch (error) { this.say(`${file.name}: ${error.message}.`); }
     }
 
-    /* Fit a plant to a record by least squares, and make a design with a filter for its noise: three standard deviations move u
-       by a tenth of the record's step. Nothing is shown until the search is done. */
+    /* Fit a plant to a record by least squares, and make a design whose filter suits the noise: three standard deviations of the
+       noise move u by a tenth of the record's step. Nothing is shown until the search is done. */
     takeRecord(text, name, columns) {
       const record = readRecord(text, columns), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
       const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
@@ -600,8 +600,8 @@
       const at = t.filter((_, k) => k % each === 0), y = at.map((x) => record.y[Math.max(record.t.findLastIndex((other) => other <= x + 1e-6 * h), 0)]);
       const noiseGain = four(Math.min(Math.max((0.1 * span) / (3 * sigma * noiseScale(ownPlant(rounded)).gain) || 1.5, 0.1), 5));
       const time = own.t1 + own.t2 + own.t3 + own.delay, slow = own.integrating ? { kp: 0.2 / (own.gain * time), ti: 10 * time } : { kp: 0.2 / own.gain, ti: time };
-      const poor = explained < 0.9 ? " That is a poor fit: are the columns time, input and output, and does the input move?" : "";
-      const about = `Record of ${record.t.length} samples read${record.missing ? `, ${record.missing} rows with missing values left out` : ""}. Model by least squares: ${structure}; it explains ${digits(100 * explained, 4)} % of the record.${poor} The residuals have a standard deviation of ${digits(sigma)}, so the noise limit is ${digits(noiseGain)}: u moves by a tenth of the record's step for three of them, within 0.1 and 5.`;
+      const poor = explained < 0.9 ? " This fit is poor. Are the columns time, input and output, and does the input move?" : "";
+      const about = `Record of ${record.t.length} samples read.${record.missing ? ` ${record.missing} rows with missing values were left out.` : ""} The least-squares model has ${structure}. It explains ${digits(100 * explained, 4)} % of the variance of the output.${poor} The residuals have a standard deviation of ${digits(sigma)}. The noise limit is therefore ${digits(noiseGain)}: with it, three standard deviations move u by a tenth of the record's step. (The lab keeps this limit between 0.1 and 5.)`;
       const { names, named, columns: used } = record, words = [name, ...used.map((j) => names[j])];
       const chosen = ["time", "u", "y"].map((option, j) => (used[j] === j ? "" : ` --${option}=${named ? quoted(names[used[j]]) : used[j]}`)).join("");
       if (this.dropped?.text !== text) {
@@ -620,7 +620,7 @@
 
     takeSaved(text) {
       const saved = JSON.parse(text).lab;
-      if (!saved?.designs) throw new RangeError("this JSON was not saved by the lab, it has no designs under lab");
+      if (!saved?.designs) throw new RangeError("this JSON file was not saved by the lab: it has no designs under “lab”");
       const state = checked(saved);
       this.state = structuredClone(START);
       this.takeOver(state);
@@ -635,7 +635,7 @@
       return { process: this.pick(this.process), designs, lab: this.shared() };
     }
 
-    /* Return unique names: the second design of a name gets a number. */
+    /* Return unique names. A second design of the same name gets a number. */
     names() {
       const plain = this.state.designs.map(({ name, kind }) => name || kind);
       return plain.map((name, k) => { const before = plain.slice(0, k).filter((other) => other === name).length; return before ? `${name} ${before + 1}` : name; });
@@ -647,7 +647,7 @@
     }
 
     /* Return all designs with their limits, sampling and noise as Python, and remarks on omissions. Only numbers and quoted names
-       of the state enter the script. */
+       from the state enter the script. */
     call() {
       const { num, den, delay, end } = this.process, { designs, sampled, noisy } = this.state, names = this.names(), h = Number(this.state.sampleTime);
       const list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`, left = noisy ? [`Left out: the measurement noise of the lab, ±${Number(this.state.noise)}.`] : [];
@@ -713,10 +713,10 @@
       });
       this.refused = names.filter((_, k) => !shown.some((s) => s.k === k));
       this.current = shown.find(({ k }) => k === state.chosen);
-      // a rule that aims at Ms only considers the continuous loop
+      // A rule that aims at Ms considers only the continuous loop.
       if (state.sampled) for (const { k, ms, design: { rule } } of shown) {
         const asked = this.knob("ms", state.designs[k]);
-        if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: sample faster, or ask for less`;
+        if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: use a shorter sample time or a smaller Ms`;
       }
       this.notes = Object.fromEntries(shown.map((s) => [s.k, this.notesOf(s)]));
       this.drawCards(looks, names);
@@ -731,10 +731,10 @@
     /* Return the remarks on a design. */
     notesOf({ design, bears, stable, ms, sigma }) {
       const { fair, sampled, noiseGain, designs, own, plant, record } = this.state, said = [];
-      if (!bears) said.push("The error never ends: a unit load needs u = −1, which is beyond these limits.");
+      if (!bears) said.push("The error does not return to zero: a unit load needs u = −1, which is beyond these limits.");
       if (fair && stable && !sampled && design.rule === "hand" && designs.length > 1 && (ms > 1.02 * this.state.ms || sigma > 1.02 * noiseGain))
-        said.push(`By hand: Ms ${digits(ms)} and relative noise gain ${digits(sigma)}, where the others have at most ${digits(this.state.ms)} and ${digits(noiseGain)}.`);
-      if (fair && stable && !sampled && design.rule !== "hand" && sigma < 0.98 * noiseGain) said.push(`It needs a relative noise gain of only ${digits(sigma)} of the ${digits(noiseGain)} allowed.`);
+        said.push(`This design by hand has Ms ${digits(ms)} and a relative noise gain of ${digits(sigma)}. The other designs have at most ${digits(this.state.ms)} and ${digits(noiseGain)}.`);
+      if (fair && stable && !sampled && design.rule !== "hand" && sigma < 0.98 * noiseGain) said.push(`Its relative noise gain is only ${digits(sigma)}; the limit is ${digits(noiseGain)}.`);
       const known = [own.t1, own.t2, own.t3].filter(Boolean).length + own.integrating;
       if (plant === "own" && record && known <= ORDER[design.kind]) said.push(`The model has ${known} pole${known === 1 ? "" : "s"}. A ${design.kind} acts on faster dynamics, which this record does not show.`);
       return said;
@@ -758,7 +758,7 @@
       const noise = ready && noiseGainAt(this.process, this.design, file.h);
       const command = ready && Number.isFinite(noise) && `pidalab tune ${file.called} --kind ${this.design.kind} --ms ${digits(this.knob("ms"))} --noise-gain ${digits(noise)} --sample-time ${digits(file.h)} --out code`;
       plot.show(this.about, ...(about ? [["p", {}, about]] : []),
-        ...(command ? [["p", {}, ...marked("The same Ms, and the noise gain that this design has at the record's sample time, from the command line, with uncertainty and sampling, and code for a controller in the folder "), ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
+        ...(command ? [["p", {}, ...marked("This command designs a controller with the same Ms, and with the noise gain of this design at the record's sample time. It considers uncertainty and sampling, and writes code for the controller into the folder "), ["code", {}, "code"], ":"], ["pre", {}, command]] : []));
     }
 
     drawPlots(shown) {
@@ -770,7 +770,7 @@
       drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles });
     }
 
-    /* Announce the result and save the state in the address, once no control moves. */
+    /* Announce the result and save the state in the address, as soon as no control moves. */
     announce() {
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];

@@ -1,6 +1,6 @@
-/* Tasks: a <div class="pidalab-task"> with its data in a script gets fields, a button and a verdict. The hint unfolds after
-   the second wrong try, the answer after the third. Entries and solved tasks are stored in the browser. A
-   <div class="pidalab-steps"> shows one of its tasks at a time. */
+/* Tasks: a <div class="pidalab-task"> with its data in a script gets fields, a button and a verdict. The hint unfolds after the
+   second wrong try, and the answer after the third. The browser stores entries and solved tasks. A <div class="pidalab-steps">
+   shows one of its tasks at a time. */
 (function () {
   "use strict";
   const { judge } = globalThis.pidalabJudge;
@@ -8,7 +8,7 @@
   const { element, marked, show } = globalThis.pidalabPlot;
   const HINT_AFTER = 2, ANSWER_AFTER = 3;
 
-  /* For each field a letter, its index, and words. */
+  /* For each field: a letter, its index, and words. */
   const FIELDS = {
     answer: ["", "", "Your answer"], kp: ["k", "p", "gain"], ti: ["t", "i", "integral time"], td: ["t", "d", "derivative time"],
     ta: ["t", "a", "acceleration, a time squared"], Tf: ["T", "f", "filter time"], Tt: ["T", "t", "tracking time"], h: ["h", "", "sample time"],
@@ -100,7 +100,7 @@
       this.host.querySelector(".task-title").append(" ", this.badge);
       const numbers = this.fields.every(({ read }) => typeof read() === "string"), parts = this.fields.map(({ parts }) => parts);
       const actions = element("p", { class: "task-actions" }, element("button", { type: "submit", class: "lab-button" }, "Check"));
-      if (this.task.lab) actions.append(" ", element("a", { href: this.labAddress() }, "Open it in the lab"));
+      if (this.task.lab) actions.append(" ", element("a", { href: this.labAddress() }, "Open in the lab"));
       this.form = element("form", { class: "task-form", onsubmit: (event) => { event.preventDefault(); this.check(); } },
         ...(numbers ? [element("div", { class: "task-fields" }, ...parts)] : parts), actions, this.verdict);
       this.form.noValidate = true;
@@ -113,7 +113,7 @@
       if (this.busy) return;
       this.busy = true;
       const given = Object.fromEntries(this.fields.map(({ name, read }) => [name, read()]));
-      if (this.task.search) this.show({ busy: true, say: "Searching for the best of both kinds: a second or two." });
+      if (this.task.search) this.show({ busy: true, say: "Searching for the best controllers takes a second or two." });
       const found = await judged(this.task, given);
       this.busy = false;
       if (!found.refused && !this.state.solved) this.state.tries++;

@@ -1,10 +1,10 @@
-r"""Characteristic areas from a record, for tuning without a model (vrancic2021).
+r"""Measure characteristic areas from a record, for tuning without a model (vrancic2021).
 
-The areas are those of `pidalab.areas.from_process`. The paper uses repeated integration of the record, from earlier
-work: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here they are computed from the moments
-of the two signals about the time of the change, up to the time at which the record has settled. Without noise both are
-equal. Repeated integration runs to the end of the record, where noise has the largest weights. With noise of 0.001 in
-50 time constants of 1/(s + 1)^4 it gives A_5 with an error of 50 %, the moments with 3 %.
+The areas are those of `pidalab.areas.from_process`. The paper integrates the record repeatedly, as in earlier work:
+:math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here the areas are computed from moments of
+the two signals about the time of the change, up to the time at which the record has settled. Without noise both methods
+give the same areas. Repeated integration runs to the end of the record, where noise has the largest weights. With noise
+of 0.001 in 50 time constants of 1/(s + 1)^4 its error of A_5 is 50 %. The error with moments is 3 %.
 """
 
 from __future__ import annotations
@@ -22,44 +22,44 @@ from scipy.special import bernoulli, factorial
 from pidalab import _check
 from pidalab._check import Array
 
-PIECES = 16  # number of pieces of a steady state whose means are compared
-LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of transients in a steady state, in pieces
+PIECES = 16  # number of pieces of a steady state, whose means are compared
+LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of the tested transients, in pieces
 SHORTEST = 0.05  # least length of a steady state, relative to the record
-SHORTER = 0.9  # ratio of the lengths of two steady states that are tried one after the other
-DRIFT = 2.5  # number of standard deviations up to which a transient counts as noise
-FADE = 5.0  # the same for the squares of the record, which scatter more
-LONGER = 1.1  # factor of the time after which no transient is visible, since noise hides its end
-ROUNDING = float(np.finfo(float).eps)  # relative to the level; a smaller drift is a rounding error
-UNCERTAIN = 0.05  # relative uncertainty of an area from which a warning is given
+SHORTER = 0.9  # each tried steady state is shorter than the previous one by this factor
+DRIFT = 2.5  # a transient of up to this number of standard deviations counts as noise
+FADE = 5.0  # the same limit for squares of the record, which scatter more
+LONGER = 1.1  # noise hides the end of a transient, so the time at which none is visible is multiplied by this
+ROUNDING = float(np.finfo(float).eps)  # a smaller drift, relative to the level, is a rounding error
+UNCERTAIN = 0.05  # a warning is given if the relative uncertainty of an area is larger
 
 
 class RecordWarning(UserWarning):
-    """The record is too short, too noisy or does not suit the model."""
+    """The record is too short, too noisy or does not match the model."""
 
 
 def is_record(given: Any) -> TypeGuard[Any]:
-    """Return True for a plant record, such as `pidalab.Record`, which may be given in place of times."""
+    """Return True for a plant record such as `pidalab.Record`, which may replace times and signals."""
     return hasattr(given, "after_step")
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredAreas:
-    """Areas from a record, with their uncertainty.
+    """Areas measured from a record, with their uncertainty.
 
     Attributes
     ----------
     values : ndarray, shape (count,)
         A_0, A_1, ..., in units of y per unit of u times time^k.
     covariance : ndarray, shape (count, count)
-        Covariance of the errors of `values`, from noise and drift in the steady state at the end.
+        Covariance of the errors of `values`. It follows from noise and drift in the steady state at the end.
     input_levels, output_levels : tuple of float
         Levels before and after the change.
     span : tuple of float
-        Times between which the record is used: the first move of the input, and the return to rest.
+        Times between which the record is used, from the first move of the input to the return to rest.
     settled : bool
-        True if no drift exceeds the noise after that.
+        True if no drift exceeds the noise after the return to rest.
     noise : float
-        Standard deviation of the output after that.
+        Standard deviation of the output after the return to rest.
     """
 
     values: Array
@@ -88,29 +88,29 @@ def from_record(
     count: int | None = None,
     start: tuple[float, float] | None = None,
 ) -> MeasuredAreas:
-    r"""Compute the areas from a measured change between steady states. The input may be of any shape in between.
+    r"""Compute the areas from a measured change between two steady states. The input may have any shape in between.
 
-    With :math:`\tau` counted from the first move of the input, :math:`\Delta u` and :math:`\Delta y` the whole changes,
-    and :math:`u_\infty, y_\infty` the levels at the end, the moments
+    Let :math:`\tau` count from the first move of the input, let :math:`\Delta u` and :math:`\Delta y` be the whole
+    changes, and :math:`u_\infty, y_\infty` the levels at the end. Then the moments
 
     .. math:: a_0 = \Delta y, \qquad
               a_k = \int_0^{\tau_1} \frac{\tau^{k-1}}{(k-1)!} \left(y_\infty - y(\tau)\right) d\tau
 
-    are the areas of s y(s). Those of s u(s) follow in the same way, and the areas of the process are the quotient of
+    are the areas of s y(s). The areas of s u(s) follow in the same way. The areas of the process are the quotient of
     the two power series.
 
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times from 0. Or a `pidalab.Record`, with `count` as the only other argument that is needed.
+        Uniform times from 0. A `pidalab.Record` may be given instead, then only `count` is needed besides.
     u, y : array_like, shape (n,), optional
-        Input, held from each sample to the next, and output, at rest at the beginning (or see `start`) and at rest
+        Input, held from each sample to the next, and output. Both must be at rest at the beginning (or see `start`) and
         again at the end.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
-        Levels (u, y) before the record, for a change that begins with the first sample. By default the input rests
-        until its first move, and the level of y is its mean until then. A noisy input needs this argument.
+        Levels (u, y) before the record, for a change that begins with the first sample. By default the input must rest
+        until its first move, and the level of y is its mean until then. A noisy input requires this argument.
 
     Returns
     -------
@@ -120,31 +120,32 @@ def from_record(
     Raises
     ------
     TypeError, ValueError
-        For an input that never moves, or ends where it began; signals of another length; fewer than 16 samples in the
-        steady state; a Record together with u or y.
+        If the input never moves or ends where it began; if signals differ in length; if there are fewer than 16 samples
+        in the steady state; or if a Record is given together with u or y.
 
     Warns
     -----
     RecordWarning
-        If an area is uncertain by more than 5 %, or the record does not settle and that matters as much.
+        If an area is uncertain by more than 5 %, or if the record does not settle and this has an equal effect.
 
     Notes
     -----
-    Sampling with step h causes one error that matters. If the slope of the output jumps by y', as with a single lag,
-    the error of A_1 is about h² y'/12.
+    Only one error of sampling with step h matters. If the slope of the output jumps by y', as with a single lag, the
+    error of A_1 is about h² y'/12.
 
-    The end of the record counts as a steady state if none of five decaying exponentials, with time constants of 1/32
-    to 1/2 of its length, is in the means of its sixteen pieces by more than 2.5 standard deviations, or in the means
-    of its squares (which show decaying oscillations) by more than 5. Noise hides smaller transients, which would make
-    all areas too small, so the steady state starts later by a tenth of that time. In simulated records of three
-    processes this gave areas about as good as the best fixed time. The levels at the end are means from there on, and
-    the integrals end there.
+    The end of the record counts as a steady state if five decaying exponentials are not found in it. Their time
+    constants are 1/32 to 1/2 of its length. The end is divided into sixteen pieces. An exponential is found if it is
+    present in the means of the pieces by more than 2.5 standard deviations. It is also found if it is present in the
+    means of the squares by more than 5 standard deviations, since squares show decaying oscillations. Noise hides
+    smaller transients, which would make all areas too small. Therefore the steady state starts a tenth later than the
+    time so found. In simulated records of three processes the areas were about as good as with the best fixed time. The
+    levels at the end are means over the steady state, and the integrals end at its start.
 
-    Four errors are estimated: noise during the change; noise in the final level, which enters :math:`A_k` with the
-    weight :math:`\tau_1^k/k!`; a slow tail hidden in the steady state, as large as the largest deviation of the mean of
-    a quarter from the mean; and quantisation. The noise may be coloured, with a correlation time below a sixteenth of
-    the steady state. For a record that ends before it has settled, the estimate is large, but still too small. Load
-    disturbances and outliers are not detected.
+    Four errors are estimated. The first is noise during the change. The second is noise in the final level, which
+    enters :math:`A_k` with the weight :math:`\tau_1^k/k!`. The third is a slow tail hidden in the steady state. Its
+    size is the largest deviation of the mean of a quarter from the whole mean. The fourth is quantisation. The noise
+    may be coloured if its correlation time is below a sixteenth of the steady state. For a record that ends before it
+    has settled, the estimate is large but still too small. Load disturbances and outliers are not detected.
 
     References
     ----------
@@ -169,7 +170,7 @@ def from_record(
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
         raise ValueError(f"u must end elsewhere than it begins: it starts at {u0:.6g} and ends at {u1:.6g}")
     tau = h * np.arange(last - first + 1)
-    # tau^k / k!
+    # Compute tau^k / k!.
     weights = np.cumprod([np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0)
     a_u = np.append(step, _of_steps(u1 - u[first : last + 1], weights)) / step
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
@@ -190,7 +191,7 @@ def from_record(
 
 
 def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, Array, Array]:
-    """Check times, input and output; a Record has them on a uniform grid."""
+    """Check times, input and output. A Record provides them on a uniform grid."""
     if is_record(t):
         if u is not None or y is not None:
             raise TypeError("u and y must be left out with a Record: it has its own")
@@ -231,7 +232,7 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
 
 
 def _pieces(x: Array) -> tuple[Array, float]:
-    """Return the means of the pieces, relative to the last sample, and their standard deviation from noise."""
+    """Return the means of the pieces, relative to the last sample, and their standard deviation caused by noise."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
     return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # for Gaussian noise
@@ -245,11 +246,11 @@ def _noise(x: Array, h: float) -> tuple[float, float]:
 
 
 def _steady(x: Array) -> bool:
-    """Return True if the noise explains all transients in a piece of record.
+    """Return True if noise explains all transients in a section of the record.
 
-    A decaying oscillation, or a transient whose mean happens to be 0, shows in the squares only.
+    A decaying oscillation, or a transient whose mean happens to be 0, appears only in the squares.
     """
-    # Every piece has a rounding error, and a projection adds them.
+    # Every piece has a rounding error, and a projection adds these errors.
     rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)
@@ -268,8 +269,8 @@ def _transients(x: Array) -> tuple[Array, float]:
 def _of_samples(x: Array, weights: Array, h: float) -> Array:
     """Integrate a smooth x times tau^(k-1)/(k-1)!, k = 1, 2, ..., by the trapezoidal rule.
 
-    With flat ends the rule is exact to all powers of h. At the beginning x is flat, but not 0, and the weights are
-    powers, so the correction of Euler and Maclaurin is known.
+    The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning x is flat but not 0,
+    and the weights are powers. Therefore the Euler-Maclaurin correction is known.
     """
     product = weights[:-2] * x
     k = np.arange(1, len(product) + 1)
@@ -287,7 +288,7 @@ def _moment_covariance(
 ) -> Array:
     """Estimate the covariance of the moments of y from the steady state at the end.
 
-    An error of the moments of u counts as the error of the moments of y that has the same effect on the areas.
+    An error of the moments of u is converted to the error of the moments of y that changes the areas equally.
     """
     (density, drift), window, size = _noise(y, h), h * (y.size - 1), len(values)
     level = weights[:size, -1]
@@ -306,10 +307,10 @@ def _moment_covariance(
 
 
 def _quantisation(y: Array, end: Array) -> float:
-    """Return the largest error of a level from quantisation: half a step, and less if noise exceeds the step.
+    """Return the largest error of a level caused by quantisation. It is half a step, or less if noise exceeds the step.
 
-    The step is the smallest difference of two values of the record. With two values in all it is unknown, and the
-    result is 0. Gaussian noise of standard deviation sigma reduces the error of a mean by the factor exp(-2 pi^2
+    The step is the smallest difference of two values of the record. If there are only two values, it is unknown and the
+    result is 0. Gaussian noise of standard deviation sigma multiplies the error of a mean by exp(-2 pi^2
     sigma^2/step^2), the first harmonic of the rounding error.
     """
     steps = np.diff(np.unique(y))
@@ -320,10 +321,11 @@ def _quantisation(y: Array, end: Array) -> float:
 
 
 def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
-    """Return the errors caused by a slow tail, per unit of its height, and its height per unit of the drift it causes.
+    """Return the errors caused by a slow tail, divided by its height, and its height, divided by the drift it causes.
 
-    The tail decays as a lag with the standard deviation of the impulse response, which a dead time does not affect. The
-    part that is cut off is missing in the integrals, and lowers the mean that is used as the final level.
+    The tail decays like a lag. Its time constant is the standard deviation of the impulse response, which a dead time
+    does not affect. The part that is cut off is missing in the integrals, and it lowers the mean that serves as final
+    level.
     """
     gain, mean, square = values[:3]
     lag = math.sqrt(abs(2 * square / gain - (mean / gain) ** 2)) if gain else 0.0
@@ -335,7 +337,7 @@ def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
 
 
 def _over(a: Array) -> Array:
-    """Return the matrix that divides a power series by the series a, which starts with 1."""
+    """Return the matrix that divides a power series by the series a, whose first coefficient is 1."""
     inverse = np.zeros_like(a)
     inverse[0] = 1 / a[0]
     for k in range(1, a.size):
@@ -344,7 +346,7 @@ def _over(a: Array) -> Array:
 
 
 def _warn(areas: MeasuredAreas) -> None:
-    """Warn of areas that the record does not determine."""
+    """Warn of areas that the record does not determine well."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = areas.uncertainty / np.abs(areas.values)
     bad = np.flatnonzero(share > UNCERTAIN)

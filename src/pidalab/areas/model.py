@@ -1,12 +1,14 @@
 r"""Characteristic areas of a model (vrancic2021).
 
-Areas :math:`A_k` are the alternating coefficients of the process about s = 0, eq. (6), and the moments of its impulse
+The areas :math:`A_k` are the coefficients of the process about s = 0 with alternating signs, eq. (6). They are also the
+moments of its impulse response h(t), eqs. (4) and (5):
 response h(t), eqs. (4) and (5):
 
 .. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
 
-The areas of blocks in series are the convolution of their areas. Eq. (7), as read, has :math:`A_1` where the recursion
-needs :math:`A_i`. Nothing here depends on it. The areas are computed as exact fractions and rounded once.
+The areas of blocks in series are the convolution of their areas. In the text as we read it, eq. (7) has :math:`A_1`
+where the recursion needs :math:`A_i`. The results do not depend on this. Areas are computed as exact fractions and
+rounded once.
 """
 
 from __future__ import annotations
@@ -25,12 +27,12 @@ from pidalab.roots import roots
 
 
 def from_process(process: Process, count: int) -> Array:
-    """Compute the areas of a model, dead time included, each correctly rounded (eqs. (2) to (7)).
+    """Compute the areas of a model with its dead time, each correctly rounded (eqs. (2) to (7)).
 
     Parameters
     ----------
     process : Process
-        Stable; a common factor s is cancelled.
+        Stable process. A common factor s is cancelled.
     count : int
         Number of areas, at least 1.
 
@@ -42,7 +44,7 @@ def from_process(process: Process, count: int) -> Array:
     Raises
     ------
     TypeError, ValueError
-        For another type, an integrating or unstable process, and a count below 1.
+        If the process has another type, is integrating or unstable, or if the count is below 1.
 
     Examples
     --------
@@ -61,7 +63,7 @@ def exact(process: Process, count: int) -> list[Fraction]:
     Parameters
     ----------
     process : Process
-        Stable; a common factor s is cancelled.
+        Stable process. A common factor s is cancelled.
     count : int
         Number of areas, at least 1.
 
@@ -73,7 +75,7 @@ def exact(process: Process, count: int) -> list[Fraction]:
     Raises
     ------
     TypeError, ValueError
-        As `from_process`.
+        As for `from_process`.
 
     Examples
     --------
@@ -95,7 +97,7 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
     areas : array_like, shape (count,)
         Areas of the process.
     block : control.TransferFunction or controller without integral action
-        Proper and stable, such as the filter of eq. (47).
+        Proper and stable block, such as the filter of eq. (47).
 
     Returns
     -------
@@ -105,8 +107,8 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
     Raises
     ------
     TypeError, ValueError
-        For a block that is not a proper continuous transfer function with one input and output, and for an integrating
-        or unstable one.
+        If the block is not a proper continuous transfer function with one input and output, or if it is integrating or
+        unstable.
 
     Examples
     --------
@@ -122,7 +124,7 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
 def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int) -> Array:
     """Compute the areas of a process in series with the filter 1/(filter_time s + 1)^filter_order, eq. (8).
 
-    Eq. (8) prints the matrix for one lag. It is applied once for each lag.
+    Eq. (8) gives the matrix for one lag. It is applied once for each lag.
 
     Parameters
     ----------
@@ -141,7 +143,7 @@ def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int
     Raises
     ------
     ValueError
-        For a negative time constant or order.
+        If the time constant or the order is negative.
 
     Examples
     --------
@@ -157,7 +159,7 @@ def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int
 
 
 def _stable_series(name: str, num: Array, den: Array, count: int) -> list[Fraction]:
-    """Expand a proper rational function about s = 0, or raise."""
+    """Expand a proper rational function about s = 0. Raise an error if it is integrating or unstable."""
     while num.size > 1 and den.size > 1 and num[-1] == 0 == den[-1]:
         num, den = num[:-1], den[:-1]
     if den[-1] == 0:

@@ -1,8 +1,8 @@
 """Power series about s = 0 with exact rational coefficients.
 
-A float is a rational number, so sums and products of floats are exact as fractions. All series here are alternating:
-the list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``, in which lags and dead times have positive
-coefficients.
+Every float is a rational number, so sums and products of floats are exact as fractions. The signs of all series here
+alternate. The list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``. With this convention lags and dead
+times have positive coefficients.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ def floats(series: Sequence[Fraction]) -> Array:
 
 
 def product(first: Sequence[Fraction], second: Sequence[Fraction]) -> list[Fraction]:
-    """Return the product of two series, as long as the shorter one."""
+    """Return the product of two series, truncated to the length of the shorter one."""
     size = min(len(first), len(second))
     return [sum((first[i] * second[k - i] for i in range(k + 1)), Fraction(0)) for k in range(size)]
 
 
 def quotient(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> list[Fraction]:
-    """Return the quotient of two series, as long as the shorter one. The divisor must not start with 0."""
+    """Return the quotient of two series, truncated to the length of the shorter. The divisor must not start with 0."""
     result: list[Fraction] = []
     for k in range(min(len(numerator), len(denominator))):
         known = sum((denominator[k - i] * result[i] for i in range(k)), Fraction(0))
@@ -45,7 +45,7 @@ def quotient(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> 
 
 
 def polynomial(descending: Iterable[Any], count: int) -> list[Fraction]:
-    """Return the first `count` coefficients of a polynomial given in descending powers of s."""
+    """Return the first `count` coefficients of a polynomial that is given in descending powers of s."""
     ascending = [*fractions(descending)[::-1], *[Fraction(0)] * count]
     return [(-1) ** k * ascending[k] for k in range(count)]
 

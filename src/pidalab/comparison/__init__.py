@@ -1,7 +1,8 @@
 """Compare every rule of the library with the optima on one process.
 
-Each rule gets the kind of model for which its authors made it: the process itself, its reduction of first or second
-order, the three points of its step response, or an integrator with dead time. All are evaluated on the process itself.
+Each rule gets the kind of model for which its authors made it. This may be the process itself, a first- or second-order
+reduction, a model from three points of its step response, or an integrator with dead time. All designs are evaluated
+with the process itself.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from pidalab.rules import Design
 from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
 
-PERIODS = 12.0  # length of the first response, in periods of the plant
-RELATIVE_NOISE_GAIN = 1.5  # default limit
+PERIODS = 12.0  # length of the first simulated response, in periods of the plant
+RELATIVE_NOISE_GAIN = 1.5  # default limit of the relative noise gain
 COMPARISON_COLUMNS = {
     "IAE load": "iae_load",
     "IAE set pt": "iae_setpoint",
@@ -35,7 +36,7 @@ TEXT_WIDTHS = {"rule": 27, "kind": 5}
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of `compare`: one row for each rule and kind, then the optima.
+    """Result of `compare`, with one row for each rule and kind, and then the optima.
 
     Attributes
     ----------
@@ -44,7 +45,7 @@ class Comparison:
     ms, noise_gain, sample_time : float
         The limits of the optima.
     rows : tuple of DesignRow
-        See `pidalab.comparison.judging.DesignRow`.
+        Measured designs, see `pidalab.comparison.judging.DesignRow`.
     """
 
     process: Process
@@ -54,7 +55,7 @@ class Comparison:
     rows: tuple[DesignRow, ...]
 
     def keeps(self, row: DesignRow) -> bool:
-        """Return True if a row keeps both limits, to 0.1 %.
+        """Return True if a row keeps both limits to 0.1 %.
 
         Parameters
         ----------
@@ -64,7 +65,7 @@ class Comparison:
         Returns
         -------
         bool
-            True if it does. False also if the noise gain is unknown.
+            False if a limit is exceeded or the noise gain is unknown.
 
         Examples
         --------
@@ -107,23 +108,23 @@ def compare(
         Largest maximum sensitivity, above 1, for the optima and haalman. Other rules ignore it.
     noise_gain : float, optional
         Largest noise gain, in units of u per unit of y, for the optima and the magnitude optimum. By default 1.5 times
-        the ``gain`` of `pidalab.noise_scale`, a relative noise gain of 1.5.
+        the ``gain`` of `pidalab.noise_scale`, which is a relative noise gain of 1.5.
     sample_time : float, optional
-        Sample time of the noise, above 0, by default that of `pidalab.noise_scale`. The relative noise gain in the
-        table does not depend on it.
+        Sample time of the noise, above 0. By default that of `pidalab.noise_scale`. The relative noise gain in the
+        table does not depend on the sample time.
     rules : iterable of str, optional
-        Names of the registry, `pidalab.rules.registry`, and "optimal". By default the optima and all rules except those
-        of Chien, Hrones and Reswick.
+        Names from the registry, `pidalab.rules.registry`, or "optimal". By default the optima and all rules except
+        those of Chien, Hrones and Reswick.
 
     Returns
     -------
     Comparison
-        A rule that does not apply has a row with its message.
+        The measured designs. If a rule does not apply, its row contains the error message.
 
     Raises
     ------
     TypeError, ValueError
-        For an argument that is not a process, and limits out of range.
+        If an argument is not a process, or a limit is out of range.
 
     Examples
     --------
@@ -146,7 +147,7 @@ def compare(
 def designs(
     process: Process, requirements: Requirements, rules: Iterable[str] | None = None
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
-    """Yield name, kind and a function that makes the design, for every rule, then for the optima.
+    """Yield name, kind and a function that makes the design, for every rule and then for the optima.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def designs(
     Yields
     ------
     tuple
-        The function raises ValueError if the rule does not apply.
+        Name, kind, and a function that returns the design or raises ValueError if the rule does not apply.
 
     Examples
     --------
@@ -189,7 +190,7 @@ def designs(
 
 
 def first_horizon(process: Process) -> float:
-    """Return the end of the first response, from the speed of a well-tuned loop."""
+    """Return the end of the first simulated response, estimated from the speed of a well-tuned loop."""
     try:
         return PERIODS * noise_scale(process).period
     except ValueError:

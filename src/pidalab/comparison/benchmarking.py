@@ -1,8 +1,8 @@
 """Compare a rule, given as a function, with all rules of the library and the optima on 134 plants.
 
-`judge` evaluates the rule of a user and those of the library in the same way, first as published, then scaled to the
-same maximum sensitivity and the same noise (`pidalab.comparison.at_equal_terms`). The results of the library's rules
-and the optima are stored in tables, in units of each plant's ultimate gain and period.
+`judge` evaluates the rule of a user and the rules of the library in the same way. The designs are measured first as
+published, then scaled to the same maximum sensitivity and the same noise (`pidalab.comparison.at_equal_terms`). The
+results of the library's rules and the optima are stored in tables, in units of each plant's ultimate gain and period.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from pidalab.rules.models import StartingModels
 
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gains: about two and ten times that of a PI
-# columns of the table of rules as published
+NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gains, about two and ten times that of a PI controller
+# These are the columns of the table of rules as published.
 PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")
 RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
 
@@ -53,7 +53,7 @@ def stored(name: str) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The table, which is shared: copy it before you change it.
+        The table. It is shared, so copy it before you change it.
 
     Examples
     --------
@@ -73,18 +73,18 @@ def judge(
     Parameters
     ----------
     rule, kind : str
-        Names of the rows. An empty kind is replaced by that of the design.
+        Names of the rows. An empty kind is replaced by the kind of the design.
     make : callable
-        Returns the design, or raises ValueError if the rule does not apply.
+        Function that returns the design, or raises ValueError if the rule does not apply.
     process : Process
         The plant.
-    own : NoiseScale
+    scale : NoiseScale
         Noise scale of the plant.
 
     Yields
     ------
     dict
-        A row. A refusal has a ``reason``.
+        A row. If the rule refused, the row has a ``reason``.
     """
     row = measure_row(rule, kind, make, process, scale.sample_time, first_horizon(process))
     kind = kind or kind_of(row.design)
@@ -95,7 +95,7 @@ def judge(
 
 
 def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
-    """Return the known measures in the units of the plant."""
+    """Return the known measures in units of the plant."""
     if not row.applies:
         return {"reason": row.reason}
     measures = {
@@ -111,10 +111,10 @@ def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
 
 
 def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[dict[str, Any]]:
-    """Return a design scaled to the Ms and each noise of the comparison, loud noise first."""
+    """Return a design scaled to the Ms and to each noise of the comparison, loud noise first."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
-        # If the filter is as short as the sample and the noise is below the lower limit, the same design serves both.
+        # If the filter is already as short as the sample and the noise is below the lower limit, use this design again.
         if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
             rows.append(rows[-1] | {"terms": terms})
         else:
@@ -123,7 +123,7 @@ def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[di
 
 
 def at_terms(design: Design, noise: float, process: Process, scale: NoiseScale) -> dict[str, Any]:
-    """Return a measured design at equal terms, without set-point response, since its prefilter is removed."""
+    """Measure a design at equal terms. The set-point response is left out, since the prefilter was removed."""
     try:
         scaled = at_equal_terms(design, process, EQUAL_MS, noise * scale.gain, scale.sample_time)
         row = measure_row("", "", lambda: scaled, process, scale.sample_time, first_horizon(process))
@@ -136,7 +136,7 @@ def at_terms(design: Design, noise: float, process: Process, scale: NoiseScale) 
 
 
 def kind_of(design: Design | None) -> str:
-    """Return "PI", "PID" or "PIDA" by the highest derivative of a design, and "" for other designs."""
+    """Return "PI", "PID" or "PIDA" by the highest derivative of a design, or "" for other designs."""
     return "" if design is None else dict(enumerate(KINDS)).get(gains_of(design.controller).size - 2, "")
 
 
@@ -147,17 +147,18 @@ class Benchmark:
     Attributes
     ----------
     name : str
-        Of the rule.
+        Name of the rule.
     rows : pandas.DataFrame
-        A row for each plant and terms (``own``, ``loud``, ``quiet``), in units of the plant: the measures, the IAE over
-        the least of its kind (``of_kind``) and of all kinds (``of_best``), and the reason of a refusal.
+        A row for each plant and terms (``own``, ``loud``, ``quiet``), in units of the plant. It contains the measures,
+        the IAE divided by the least of its kind (``of_kind``) and by the least of all kinds (``of_best``), and the
+        reason of a refusal.
     """
 
     name: str
     rows: pd.DataFrame
 
     def ranking(self, terms: str = "loud") -> pd.DataFrame:
-        """Rank the rule among all rules of the library at equal terms, the nearest to the optimum first.
+        """Rank the rule among all rules of the library at equal terms. The closest to the optimum comes first.
 
         Parameters
         ----------
@@ -167,13 +168,13 @@ class Benchmark:
         Returns
         -------
         pandas.DataFrame
-            A row for each rule and kind: the number of plants, the medians of its IAE over the least of its kind and
-            over the least of all kinds, and the value that it exceeds on a tenth of the plants.
+            A row for each rule and kind with the number of plants. Further columns are the median of the IAE divided by
+            the least of its kind, the same for the least of all kinds, and the value exceeded on a tenth of the plants.
 
         Raises
         ------
         ValueError
-            For other terms.
+            If the terms are unknown.
 
         Examples
         --------
@@ -189,14 +190,14 @@ class Benchmark:
         return pd.DataFrame(dict(zip(RANKED, columns, strict=True))).sort_values("of all")
 
     def _beside(self, terms: str) -> pd.DataFrame:
-        """Return the rows of all rules at equal terms, and of this one under its name."""
+        """Return the rows of all rules at equal terms, together with those of this rule under its name."""
         _check.choice("terms", terms, tuple(NOISE))
         others = beside_least(stored("comparison").query("terms == @terms"))
         mine = self.rows.query("terms == @terms").assign(rule=self.name)
         return pd.concat([others, mine]).dropna(subset=["of_best"])
 
     def refusals(self) -> pd.Series:
-        """Count by reason the plants on which the rule refused or made an unstable loop.
+        """Count the plants on which the rule refused or gave an unstable loop, by reason.
 
         Returns
         -------
@@ -215,12 +216,12 @@ class Benchmark:
         return published.loc[published["ms"].isna(), "reason"].value_counts()
 
     def as_published(self) -> pd.DataFrame:
-        """Return medians of the measures with the settings of the rule, by kind.
+        """Return medians of the measures for the rule as published, by kind.
 
         Returns
         -------
         pandas.DataFrame
-            Number of plants, Ms, the Ms that nine of ten stay below, relative noise gain.
+            Number of plants, median Ms, the Ms that nine of ten plants stay below, and median relative noise gain.
 
         Examples
         --------
@@ -265,7 +266,7 @@ class Benchmark:
         return str(self.rows.to_csv(index=False, float_format="%.5g", lineterminator="\n"))
 
     def latex(self, terms: str = "loud") -> str:
-        """Return the ranking as a table for a paper, with the rule in bold.
+        """Return the ranking as a LaTeX table, with the rule in bold.
 
         Parameters
         ----------
@@ -294,7 +295,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw the spread over the plants of every rule of the same kinds, with this one marked.
+        """Draw the spread over the plants of every rule of the same kinds, and mark this rule.
 
         Parameters
         ----------
@@ -304,7 +305,7 @@ class Benchmark:
         Returns
         -------
         matplotlib.figure.Figure
-            One panel with the range from the first to the ninth decile of the plants, and the median.
+            One panel with the median, and the range from the first to the ninth decile of the plants.
 
         Examples
         --------
@@ -337,7 +338,7 @@ class Benchmark:
 
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows at equal terms with their IAE over the least of their kind and of all kinds."""
+    """Return rows at equal terms, with their IAE divided by the least of their kind and by the least of all kinds."""
     optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(
@@ -363,29 +364,29 @@ def benchmark(
     Parameters
     ----------
     rule : callable
-        Takes a `Process`, its model of the plant, and returns a controller or a `Design`. If it does not apply, it
-        raises ValueError, whose message is stored.
+        Function of a `Process`, its model of the plant, that returns a controller or a `Design`. If the rule does not
+        apply, it must raise ValueError. The message is stored.
     name : str, optional
-        Name in tables, by default that of the function.
+        Name in tables. By default the name of the function.
     model : str, optional
-        Argument of the rule: ``process``, the plant itself, or a model of it:
+        Argument of the rule. It is ``process``, the plant itself, or the name of a model of the plant:
         ``reaction`` (lag and dead time from the steepest tangent), ``first_order``, ``second_order`` (reductions),
-        ``third_order`` (three points of the step response), ``integrator`` (with dead time).
+        ``third_order`` (three points of the step response), or ``integrator`` (with dead time).
     plants : iterable of str, optional
-        Names of plants. By default all.
+        Names of plants. By default all 134.
     executor : concurrent.futures.Executor, optional
-        Pool of processes, or the executor of a cluster. The rule must be importable there. By default this process
+        Pool of processes, or executor of a cluster. The rule must be importable there. By default the current process
         computes, which takes about a minute.
 
     Returns
     -------
     Benchmark
-        Result to print, draw, or write as CSV or as a table for a paper.
+        Result to print, to draw, or to write as CSV or as a LaTeX table.
 
     Raises
     ------
     TypeError, ValueError
-        For a rule that is not callable or returns another type, and for unknown names.
+        If the rule is not callable or returns another type, or if a name is unknown.
 
     Examples
     --------

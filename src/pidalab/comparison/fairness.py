@@ -1,4 +1,4 @@
-"""Scale a design to the robustness and the noise of others, so that their errors are comparable."""
+"""Scale a design to a given robustness and noise, so that the errors of designs are comparable."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from pidalab.roots import border
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
 
-LONGEST_FILTER = 1e4  # in sample times
-LEAST_SCALE = 0.01  # with smaller gains nearly any loop is robust, but has no effect
+LONGEST_FILTER = 1e4  # longest tried filter, in sample times
+LEAST_SCALE = 0.01  # with smaller gains nearly any loop is robust but has no effect
 TIME_RTOL = 1e-7  # relative accuracy of the filter time
-DENSITY = 4  # factor of the number of frequencies for the noise, which gives six digits
+DENSITY = 4  # this multiple of the usual number of frequencies gives six digits of the noise
 
 
 def at_equal_terms(
@@ -29,10 +29,10 @@ def at_equal_terms(
 ) -> Design:
     r"""Scale the gain and the filter of a design to a given maximum sensitivity and noise gain.
 
-    The ratios of the gains, and so ti, td and ta, are those of the rule. Its filters are replaced by that of the
-    optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, with the highest derivative m. :math:`T_f` is the shortest
-    filter time, at least the sample time, with which the noise gain is within its limit. The gain is the largest with
-    which Ms is reached from below.
+    The ratios of the gains, and so ti, td and ta, remain those of the rule. Its filters are replaced by the filter of
+    the optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, if m is the order of the highest derivative. :math:`T_f` is
+    the shortest filter time that keeps the noise gain within its limit, but at least the sample time. The gain is the
+    largest for which Ms is not exceeded.
 
     Parameters
     ----------
@@ -45,19 +45,19 @@ def at_equal_terms(
     noise_gain : float
         Largest noise gain.
     sample_time : float
-        Sample time of the noise, and shortest filter time.
+        Sample time of the noise, and shortest allowed filter time.
 
     Returns
     -------
     Design
-        Design with a `HighOrderPID`. Its `info`: ``factor`` of the gains, ``ms``, and ``noise_gain``, which is below
-        its limit if the filter time equals the sample time.
+        Design with a `HighOrderPID`. `info` has the ``factor`` of the gains, ``ms``, and ``noise_gain``. The noise gain
+        is below its limit if the filter time equals the sample time.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, for a design whose gains have no common form, and if no gain above a hundredth of
-        that of the rule gives a stable loop with this Ms, or no filter gives this noise.
+        If an argument is out of range, if the gains of the design have no common form, if no gain above a hundredth of
+        the rule's gives a stable loop with this Ms, or if no filter gives this noise.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def at_equal_terms(
 
 
 def gains_of(controller: Controller) -> Array:
-    """Return the gains from the integral upwards, without absent derivatives."""
+    """Return the gains from the integral gain upwards, without absent derivatives."""
     values = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
     gains = np.trim_zeros(np.array(values), "b")
     return np.append(gains, np.zeros(max(0, 2 - gains.size)))
@@ -103,7 +103,7 @@ def _filtered(gains: Array, time: float) -> HighOrderPID:
 
 
 def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, float], float]:
-    """Return the function that computes the noise gain, infinite for an unstable sampled loop."""
+    """Return a function that computes the noise gain, which is infinite for an unstable sampled loop."""
     from pidalab.optimal.problem import Problem, SampledNoise
 
     problem = Problem(process, size - 2, (1.0, time_scale(process)))
@@ -112,7 +112,7 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
-    """Return the shortest filter time with which the noise is within its limit, searched in its logarithm."""
+    """Return the shortest filter time that keeps the noise within its limit, by a search over its logarithm."""
     tried: dict[float, tuple[float, float, HighOrderPID]] = {}
 
     def quiet(log_time: float) -> bool:
@@ -126,5 +126,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
-    # Bisection from above is used, since the noise jumps where the gain jumps between ranges of allowed gains.
+    # Bisect from above, since the noise jumps where the gain jumps between ranges of allowed gains.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -1,4 +1,4 @@
-"""Measure the loop of a design with a plant, and write such rows as a table of text or HTML."""
+"""Measure the loop of a design with a plant, and print such measures as a table of text or HTML."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pidalab.simulation.exact import load_response, simulate_until_settled, step
 
 
 class DesignRow(NamedTuple):
-    """Design on a plant. A measure that could not be computed is NaN, and `reason` says why.
+    """Measures of a design on a plant. A measure that could not be computed is NaN, and `reason` says why.
 
     Attributes
     ----------
@@ -41,17 +41,17 @@ class DesignRow(NamedTuple):
     peak : float
         Largest deviation of the output after the load step.
     overshoot : float
-        After the step of the set point, in per cent.
+        Overshoot after the step of the set point, in per cent.
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        Largest values within the spread of the model, Ms with the digital loop if there is one.
+        Largest values within the spread of the model. Ms is that of the digital loop if there is one.
     price : float
-        Ratio of the IAE to that of the design without a limit for the worst Ms.
+        IAE, divided by the IAE of the design without a limit of the worst Ms.
     ms_sampled : float
         Maximum sensitivity of the digital loop with the model.
     relative_noise : float
-        Relative noise gain, as of `pidalab.relative_noise_gain`.
+        Relative noise gain, see `pidalab.relative_noise_gain`.
     """
 
     rule: str
@@ -101,18 +101,18 @@ def measure_row(
     rule, kind : str
         Names of the row.
     make : callable
-        Returns the design, or raises ValueError if the rule does not apply.
+        Function that returns the design, or raises ValueError if the rule does not apply.
     process : Process
         The plant.
     sample_time : float or None
-        Sample time of the noise. With None the noise gain is left out.
+        Sample time of the noise. If it is None, the noise gain is not computed.
     horizon : float
-        End of the first response.
+        End of the first simulated response.
 
     Returns
     -------
     DesignRow
-        The row. Its reason says which measures are missing.
+        The measures. `reason` says which measures are missing.
 
     Examples
     --------
@@ -191,7 +191,7 @@ def text_table(
     width: int,
     notes: Notes = lambda row: "",
 ) -> list[str]:
-    """Return head and rows as lines, with names (attribute: width), numbers (heading: attribute) and a note."""
+    """Return head and rows as lines. `names` maps attributes to widths, `columns` maps headings to attributes."""
     widths = [*names.values(), *(max(width, len(heading) + 2) for heading in columns)]
     left = [name if len(names) > 1 else "" for name in names]
     lines = [set_out([*left, *columns], widths, len(names))]

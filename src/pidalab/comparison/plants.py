@@ -1,4 +1,4 @@
-"""The 134 processes by which Åström and Hägglund developed and tested their rules, in nine families.
+"""The 134 processes with which Åström and Hägglund developed and tested their rules, in nine families.
 
 Åström and Hägglund, Revisiting the Ziegler-Nichols step response method for PID control, J. Process Control 14 (2004)
 635-650; Advanced PID Control, ISA 2006, section 7.3.
@@ -25,7 +25,7 @@ P9 = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 
 
 class Case(NamedTuple):
-    """Process of the batch."""
+    """A process of the batch."""
 
     name: str
     family: str
@@ -33,7 +33,7 @@ class Case(NamedTuple):
 
 
 def _product(times: tuple[float, ...], num: tuple[float, ...] = (1.0,), delay: float = 0.0) -> Process:
-    """Return num over the product of all 1 + T s."""
+    """Return num divided by the product of all 1 + T s."""
     den = np.ones(1)
     for time in times:
         den = np.convolve(den, [time, 1.0]) if time else den

@@ -1,7 +1,8 @@
 """Controllers in the forms of the papers, with filters.
 
-Every controller has unfiltered gains (`pidalab.forms.IdealGains`), which convert between the forms or raise an error
-that explains why not, and prints itself in all forms. Filters convert only between forms of the same structure.
+Every controller can return its unfiltered gains (`pidalab.forms.IdealGains`). They convert to the other forms, or raise
+an error that explains why not. Printing a controller shows all its forms. Filters convert only between forms of
+the same structure.
 """
 
 from pidalab.controllers.base import AutomaticReset, Controller, Fraction

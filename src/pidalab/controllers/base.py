@@ -1,4 +1,4 @@
-"""The base class of controllers: evaluation, products, other forms, and the digital controller."""
+"""The base class of controllers, which provides evaluation, products, other forms and the digital controller."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pidalab._check import Array
 from pidalab.forms import FilteredGains, IdealGains
 from pidalab.process import Block, fraction_at, quotient
 
-if TYPE_CHECKING:  # Importing python-control takes long, and only transfer functions need it.
+if TYPE_CHECKING:  # Importing python-control is slow, and only transfer functions need it.
     import control
 
     from pidalab.digital import DigitalController
@@ -35,7 +35,7 @@ class AutomaticReset(NamedTuple):
     stabiliser : ndarray
         Numerator of the stabilising controller, descending powers of s.
     filter_time, filter_order : float, int
-        Its binomial filter.
+        Time constant and order of its binomial filter.
     """
 
     time: float
@@ -47,20 +47,20 @@ class AutomaticReset(NamedTuple):
 class Controller(Block):
     """Base class of all controllers.
 
-    A subclass defines `gains`, `parts` and `fraction`. Multiplication by a number scales its `proportional` attributes,
-    or the transfer function if it has none; limits stay.
+    A subclass must define `gains`, `parts` and `fraction`. Multiplication by a number scales the attributes listed in
+    `proportional`, or the transfer function if none are listed. Limits are not scaled.
     """
 
     proportional: tuple[str, ...] = ()
     limits: tuple[float, float] = (-math.inf, math.inf)  # limits of the control signal
 
     def automatic_reset(self) -> AutomaticReset | None:
-        """Return the automatic reset of the controller, or None if an integrator makes the integral action.
+        """Return the automatic reset of the controller, or None if an integrator provides the integral action.
 
         Returns
         -------
         AutomaticReset or None
-            Its parameters, for a simulation with limits.
+            Parameters that a simulation with limits needs.
 
         Examples
         --------
@@ -78,7 +78,7 @@ class Controller(Block):
         Returns
         -------
         control.TransferFunction
-            From error to control, without common factors of absent actions.
+            Transfer function from error to control signal. Factors of absent actions are cancelled.
 
         Examples
         --------
@@ -105,12 +105,12 @@ class Controller(Block):
         Returns
         -------
         num, den : ndarray
-            Descending powers of s, without common factors of absent actions.
+            In descending powers of s. Factors of absent actions are cancelled.
 
         Raises
         ------
         TypeError
-            For a subclass that does not define it.
+            If a subclass does not define it.
 
         Examples
         --------
@@ -125,17 +125,17 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define fraction")
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return the parts whose sum is the filtered controller, each with its gains and its filter.
+        """Return the parts of the filtered controller, each with gains and a filter. The controller is their sum.
 
         Returns
         -------
         tuple of FilteredGains
-            Parts for the actions that are present; one part if all gains have the same filter.
+            Parts of the actions that are present. One part if all gains have the same filter.
 
         Raises
         ------
         TypeError
-            For a subclass that does not define it.
+            If a subclass does not define it.
 
         Examples
         --------
@@ -148,7 +148,7 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define parts")
 
     def vendor_forms(self, time_unit: str = "s") -> VendorForms:
-        """Return the unfiltered gains as parameters of the blocks that vendors sell.
+        """Convert the unfiltered gains to parameters of vendors' controller blocks.
 
         Parameters
         ----------
@@ -158,12 +158,12 @@ class Controller(Block):
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes, or the reason why one does not exist.
+            Ideal, series and parallel form, with times in seconds and minutes. A form that does not exist says why.
 
         Raises
         ------
         ValueError
-            For another unit, and for derivatives of order 3 or more.
+            If the unit is another, or if there are derivatives of order 3 or more.
 
         Examples
         --------
@@ -186,26 +186,27 @@ class Controller(Block):
         Parameters
         ----------
         sample_time : float
-            Time from sample to sample, above 0.
+            Time between samples, above 0.
         method : {"backward", "tustin", "zoh"}, optional
             As in `pidalab.digital.discretise`.
         output_filter : OutputFilter or control.TransferFunction, optional
-            A filter of the control signal, which becomes a part of the controller: equal lags of gain 1.
-            `Design.discretise` passes that of the design.
+            A filter of the control signal, which must be equal lags of gain 1. It becomes a part of the controller.
+            `Design.discretise` passes the output filter of the design.
         **options : optional
-            As in `pidalab.digital.discretise`: set-point weights, limits, anti-windup and more. By default the limits
-            are those of the controller, and the anti-windup of a controller with derivatives, but without proportional
-            action, is "clamping".
+            As in `pidalab.digital.discretise`, such as set-point weights, limits and anti-windup. The default limits
+            are those of the controller. If a controller has derivatives but no proportional action, its default
+            anti-windup is "clamping".
 
         Returns
         -------
         DigitalController
-            With ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
+            Digital controller with ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
 
         Raises
         ------
         TypeError, ValueError
-            For a value outside its range, a sample time too long for the method, and another kind of output filter.
+            If a value is out of its range, the sample time is too long for the method, or the output filter is not
+            equal lags of gain 1.
 
         Examples
         --------
@@ -225,7 +226,7 @@ class Controller(Block):
             options["limits"] = tuple(bias + limit for limit in self.limits)
         proportional = any(any(part.gains[1:2]) for part in parts)
         higher = any(any(part.gains[2:]) for part in parts)
-        if reset is None and higher and not proportional:  # there is no integral time
+        if reset is None and higher and not proportional:  # back-calculation would need an integral time
             options.setdefault("anti_windup", "clamping")
         behind = "" if output_filter is None else f" and {output_filter!r}"
         options.setdefault("source", repr(self) + behind)
@@ -268,6 +269,6 @@ def coerce_floats(controller: Controller, names: Sequence[str], **bounds: float)
 
 
 def without_common_s(num: ArrayLike, den: ArrayLike) -> Fraction:
-    """Return num and den without a common factor s, which they have without integral action."""
+    """Return num and den without a common factor s. They have such a factor if there is no integral action."""
     num, den = _check.polynomial("gains", num), np.asarray(den, dtype=float)
     return (num[:-1], den[:-1]) if num.size > 1 and num[-1] == 0 else (num, den)

@@ -1,4 +1,4 @@
-"""Sums of proportional, integral and derivative parts: the controllers of haalman2024, heo2023 and vrancic2021."""
+"""Controllers that sum proportional, integral and derivative parts, as in haalman2024, heo2023 and vrancic2021."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _separate(
 
 
 def _fraction(kp: float, ti: float, parts: tuple[FilteredGains, ...]) -> Fraction:
-    """Return kp (1 + 1/(ti s)) and the derivatives of the parts as one fraction, over all denominators."""
+    """Return kp (1 + 1/(ti s)) plus the derivative parts as one fraction with a common denominator."""
     num: Any = np.array([kp])
     den: Any = np.ones(1)
     if math.isfinite(ti):
@@ -48,9 +48,9 @@ class PIDA(Controller):
     .. math:: C(s) = k_p \left(1 + \frac{1}{t_i s} + \frac{t_d s}{\frac{t_d}{n} s + 1}
               + \frac{t_a s^2}{\left(\frac{t_a}{m} s + 1\right)^2}\right)
 
-    With ``ta = 0`` it is a PID, with ``td = ta = 0`` a PI controller. On a process of first order the filtered
-    acceleration makes a second peak of \\|L\\| of about kp m/2 (unit gain and lag) at m/ta, far above the crossover.
-    `pidalab.margins` take it into account.
+    ``ta = 0`` gives a PID controller, and ``td = ta = 0`` a PI controller. On a process of first order (unit gain and
+    lag) the filtered acceleration causes a second peak of \\|L\\| at the frequency m/ta, far above the crossover. Its
+    height is about kp m/2. `pidalab.margins` take the peak into account.
 
     ============  =======================
     haalman2024   argument
@@ -66,21 +66,21 @@ class PIDA(Controller):
     Parameters
     ----------
     kp : float
-        Proportional gain, in units of u per unit of y; not 0.
+        Proportional gain in units of u per unit of y, not 0.
     ti : float
-        Integral time, above 0; ``math.inf`` for no integral action.
+        Integral time, above 0. ``math.inf`` gives no integral action.
     td : float, optional
-        Derivative time, not negative; default 0.
+        Derivative time, not negative. By default 0.
     ta : float, optional
-        Acceleration time constant, in squared time units; not negative; default 0.
+        Acceleration time constant in squared time units, not negative. By default 0.
     n, m : float, optional
-        Ratio of `td` and of `ta` to the time constants of their filters, above 0. As in the paper, ``ta/m`` is a time
+        `td` and `ta`, divided by the time constants of their filters. Above 0. As in the paper, ``ta/m`` is a time
         although `ta` is a squared time, so `m` has the unit of time. The default 10 suits lags near 1.
 
     Raises
     ------
     ValueError
-        For a value outside the range above.
+        If a value is out of its range.
 
     Examples
     --------
@@ -143,18 +143,18 @@ class NonInteractivePIDA(Controller):
     Parameters
     ----------
     kc : float
-        Proportional gain; not 0.
+        Proportional gain, not 0.
     tau_i : float
         Integral time, above 0.
     tau_d, tau_a : float
         Derivative and acceleration time, not negative.
     alpha_d, alpha_a : float, optional
-        Filter time constants as a share of `tau_d` and `tau_a`, above 0.
+        Filter time constants as shares of `tau_d` and `tau_a`, above 0.
 
     Raises
     ------
     ValueError
-        For a value outside the range above.
+        If a value is out of its range.
 
     Examples
     --------
@@ -207,23 +207,23 @@ class NonInteractivePIDA(Controller):
 
 @dataclass(frozen=True)
 class HighOrderPID(Controller):
-    r"""PID with derivatives up to order m behind one binomial filter of order n (vrancic2021, eq. (1)).
+    r"""PID controller with derivatives up to order m and one binomial filter of order n (vrancic2021, eq. (1)).
 
     .. math:: C(s) = \frac{K_{-1} s^{-1} + K_0 + K_1 s + \dots + K_m s^m}{(1 + T_F s)^n}
 
     Parameters
     ----------
     gains : sequence of float
-        :math:`K_{-1}, K_0, \dots, K_m`; at least two values.
+        :math:`K_{-1}, K_0, \dots, K_m`, at least two values.
     filter_time : float
-        Time constant of the filter, above 0; with ``filter_order=0`` it is 0.
+        Time constant of the filter, above 0. Without filter (``filter_order=0``) it is 0.
     filter_order : int
         Order of the filter, at least m.
 
     Raises
     ------
     ValueError
-        For fewer than two gains, a filter order below m, and a filter time that does not fit the order.
+        If there are fewer than two gains, the filter order is below m, or the filter time does not match the order.
 
     Examples
     --------
@@ -258,7 +258,7 @@ class HighOrderPID(Controller):
         Raises
         ------
         ValueError
-            For derivatives of order 3 or more, which no PIDA form has.
+            If there are derivatives of order 3 or more, which no PIDA form has.
 
         Examples
         --------
@@ -276,7 +276,7 @@ class HighOrderPID(Controller):
         Returns
         -------
         dict of str to float
-            From the integral gain to that of the highest derivative.
+            Gains from the integral gain to that of the highest derivative.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""A stabilising controller with automatic reset: the controller of huba2024."""
+"""The controller of huba2024, which is a stabilising controller with automatic reset."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class SeriesPIDA(Controller):
 
     .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
 
-    The reset is positive feedback of the limited control signal, so the transfer function is valid within the limits.
+    The reset is positive feedback of the limited control signal. Therefore the transfer function holds within limits.
     `pidalab.simulate_sampled` and `pidalab.portrait` simulate the reset with its limits.
 
     Parameters
@@ -40,7 +40,7 @@ class SeriesPIDA(Controller):
     Raises
     ------
     TypeError, ValueError
-        For a value outside the range above, and limits that are not two numbers in order.
+        If a value is out of its range, or if the limits are not two numbers in order.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class SeriesPIDA(Controller):
         Returns
         -------
         AutomaticReset
-            With the time constant ti, around the PDA controller.
+            The reset of time constant ti around the PDA controller.
 
         Examples
         --------
@@ -111,24 +111,24 @@ class SeriesPIDA(Controller):
     def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
         """Compute the state of the automatic reset from the limited control signal, eq. (3).
 
-        With an integrating process at rest it is the negative of the load, so its negative estimates the load.
+        If an integrating process is at rest, this state is the negative of the load, so it can be used to estimate it.
 
         Parameters
         ----------
         u : array_like, shape (n,)
-            Limited control signal, held from each sample to the next; it rests at 0 before the first.
+            Limited control signal, held from each sample to the next. Before the first sample it rests at 0.
         sample_time : float
-            Time from sample to sample, above 0.
+            Time between samples, above 0.
 
         Returns
         -------
         ndarray, shape (n,)
-            The state at the samples, exact for a held signal.
+            The state at the samples. It is exact for a held signal.
 
         Raises
         ------
         TypeError, ValueError
-            For a signal that is not a vector of finite numbers, and a sample time that is not above 0.
+            If the signal is not a vector of finite numbers, or the sample time is not above 0.
 
         Examples
         --------

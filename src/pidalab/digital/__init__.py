@@ -1,7 +1,7 @@
-"""Digital controllers: difference equations to run, to simulate in a loop, and to write as code.
+"""Digital controllers: difference equations that run, act in simulated loops, and are written as code.
 
-`discretise` of a controller makes them. This package depends on no class of continuous controllers. The methods that
-write code, and `from_json`, which reads it back, import `pidalab.plant.code` when they are called.
+``controller.discretise`` creates them. This package does not depend on the classes of continuous controllers. The
+methods that write code, and `from_json`, which reads a controller, import `pidalab.plant.code` when they are called.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -25,18 +25,19 @@ if TYPE_CHECKING:  # python-control is imported only for a transfer function.
 class DigitalController(Parameters):
     r"""A controller as difference equations, with limits, anti-windup, manual mode and tracking.
 
-    Make one with ``controller.discretise(sample_time, method)``. At each sample
+    Create one with ``controller.discretise(sample_time, method)``. At each sample
 
     .. math:: u_k = \operatorname{sat}(\mathrm{bias} + p_k + i_k), \qquad
               i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
 
     where p is the sum of the paths and :math:`\varepsilon` the error. With automatic reset, :math:`\varepsilon_k` is p,
-    and :math:`\varepsilon_{k-1}` is the limited signal less the integral. At a limit the integral is corrected as
-    `anti_windup` says.
+    and :math:`\varepsilon_{k-1}` is the limited signal minus the integral. While the control signal is at a limit,
+    `anti_windup` determines how the integral is corrected.
 
     The first call of ``step`` starts without a bump. The control signal is `bias`, and the filters rest. (A controller
-    without integral action starts with its own signal.) In manual mode the control signal is the given one, and the
-    integral tracks it. A sample with an invalid signal is skipped, and the control signal holds. ``step`` keeps its
+    without integral action starts with its own signal instead.) In manual mode the control signal is the given value,
+    and the integral tracks it. A sample with an invalid signal is skipped, and the control signal keeps its value.
+    ``step`` stores its states in the object. Simulations keep separate states.
     states in the object. Simulations have states of their own.
 
     Parameters
@@ -46,18 +47,18 @@ class DigitalController(Parameters):
     method : str
         Discretisation method.
     paths : tuple of FilterChain
-        Chains of lags in parallel, with gains in the units of the signals.
+        Chains of lags in parallel. Their gains are in units of the signals.
     integrates : bool
-        True with integral action.
+        True if the controller has integral action.
     from_signal : bool
         True if the integral is an automatic reset, which integrates the signal of the paths.
     growth : tuple of float
         :math:`\gamma_0, \gamma_1`.
     back_calculation_gain, tracking_gain : float
-        Shares of the part that a limit cut off, and of the difference from a tracked signal, that are added to the
-        integral.
+        Shares that are added to the integral: of the part that a limit cut off, and of the difference between a tracked
+        signal and the control signal.
     anti_windup : str or None
-        What the integral does at a limit.
+        Treatment of the integral while the control signal is at a limit.
     weights : tuple of float
         Set-point weights b and c of the proportional and derivative parts.
     limits : tuple of float
@@ -65,7 +66,7 @@ class DigitalController(Parameters):
     rate_limit : float
         Largest change of the control signal in a unit of time.
     deadband, bias, y_offset : float
-        Largest error that counts as zero; control signal and measurement at the working point.
+        Largest error that counts as zero, and control signal and measurement at the working point.
     source : str
         The continuous controller, as text.
     prefilter : Prefilter or None
@@ -96,7 +97,7 @@ class DigitalController(Parameters):
         return _function(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the compiled step, which is made again when it is needed."""
+        """Leave out the compiled step, which is compiled again when needed."""
         return {name: value for name, value in vars(self).items() if name != "_run"}
 
     @cached_property
@@ -105,7 +106,7 @@ class DigitalController(Parameters):
 
     @cached_property
     def coefficients(self) -> dict[str, float]:
-        """Constants of the written code, by their names there.
+        """Return the constants of the written code by name.
 
         ==========================  ==============================================================================
         name                        meaning
@@ -115,16 +116,16 @@ class DigitalController(Parameters):
                                     (PART_1_NEW_2 in the second one, if lags differ)
         PART_1_GAIN_k               gain on the k-th difference of that path
         INTEGRAL_NEW, INTEGRAL_OLD  growth of the integral with the present and the previous error
-        BACK_CALCULATION_GAIN       share of the part that a limit cut off, added to the integral
-        TRACKING_GAIN               share of the difference from a tracked signal, added to the integral
+        BACK_CALCULATION_GAIN       share of the part that a limit cut off, which is added to the integral
+        TRACKING_GAIN               share of a tracked signal's difference from u, which is added to the integral
         BIAS, Y_OFFSET              working point
         LOWEST, HIGHEST             limits of the control signal
-        LARGEST_CHANGE              largest change of the control signal in a sample
+        LARGEST_CHANGE              largest change of the control signal from one sample to the next
         DEADBAND                    largest error that counts as zero
-        PREFILTER_MOVE_i_j          move of state i of a prefilter with the distance of state j from the set point
-        PREFILTER_OUT_i             part of the distance of state i that is added to the set point
-        LARGEST_SIGNAL              a sample with a larger signal is skipped
-        LARGEST_GAIN                the same for gains that may change
+        PREFILTER_MOVE_i_j          change of prefilter state i in a sample, divided by the distance of state j from r
+        PREFILTER_OUT_i             gain from the distance of state i from the set point to the filtered set point
+        LARGEST_SIGNAL              size of an input above which the sample is skipped
+        LARGEST_GAIN                size of a variable gain above which the sample is skipped
         ==========================  ==============================================================================
 
         Constants that are 0 or have no effect do not appear.
@@ -146,12 +147,12 @@ class DigitalController(Parameters):
         return constants(self)
 
     def at_rest(self) -> dict[str, float]:
-        """Return the states at rest at the working point, for a simulation that keeps its own states.
+        """Return the states at the working point, for a simulation that keeps separate states.
 
         Returns
         -------
         dict of str to float
-            By their names in the code.
+            States by their names in the written code.
 
         Examples
         --------
@@ -163,19 +164,19 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart at the next measurement, or at rest at given signals.
+        """Restart at the next measurement, or at rest with the given signals.
 
         Parameters
         ----------
         r, y : float, optional
-            Set point and measurement at which the controller rests; both or neither.
+            Set point and measurement at which the controller rests. Give both or neither.
         u : float, optional
-            Control signal to start with, within the limits; `bias` by default.
+            Control signal to start with, within the limits. By default `bias`.
 
         Raises
         ------
         TypeError, ValueError
-            For a signal that is not a finite number, or one of r and y alone.
+            If a signal is not a finite number, or if only one of r and y is given.
 
         Examples
         --------
@@ -194,16 +195,16 @@ class DigitalController(Parameters):
         self.__dict__.pop("_retuned", None)
 
     def _started(self, r: float | None, y: float | None, u: float) -> SimpleNamespace:
-        """Return the states before the first sample, or after a sample at which the controller rests."""
+        """Return the states before the first sample, or those of a controller at rest if r and y are given."""
         states = SimpleNamespace(**{**self._program.states, "control": u})
         if r is not None:
             self._run(states, r, y)
         return states
 
     def retune(self, other: DigitalController) -> None:
-        """Take over the gains of another controller while running, without a bump.
+        """Replace the gains by those of another controller, without a bump and without restarting.
 
-        The control signal keeps its value in the next sample and continues from there.
+        The control signal keeps its value in the next sample, and continues from this value.
 
         Parameters
         ----------
@@ -213,7 +214,7 @@ class DigitalController(Parameters):
         Raises
         ------
         TypeError, ValueError
-            For a controller that is not tunable or of another kind.
+            If a controller is not tunable, or if the two controllers differ in more than their gains.
 
         Examples
         --------
@@ -243,14 +244,14 @@ class DigitalController(Parameters):
         track: float | None = None,
         feedforward: float = 0.0,
     ) -> float:
-        """Advance by one sample, as the written code in Python, C and structured text does.
+        """Advance the controller by one sample, exactly as the written code does.
 
-        The first call starts without a bump. It returns `bias`, and filters and integral rest at the given signals.
-        `pidalab.simulate_sampled` starts from rest at the working point instead. For the same start here, call
+        The first call starts without a bump. It returns `bias`, and filters and integral rest at the given signals. In
+        contrast, `pidalab.simulate_sampled` starts from rest at the working point. To start so here, call
         ``reset(r=y_offset, y=y_offset)`` first.
 
         A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped. States and control signal keep
-        their values, ``fault`` is True, and the next good sample continues from there.
+        their values, and ``fault`` is True. The next valid sample continues from these values.
 
         Parameters
         ----------
@@ -259,21 +260,21 @@ class DigitalController(Parameters):
         manual : float, optional
             Control signal in manual mode. By default the mode is automatic.
         track : float, optional
-            Signal that has acted on the plant, instead of the returned signal, since the last sample. It may be the
-            output of a selector, the command of an operator or the position of the actuator. If it is given in the
-            first call, the controller starts from it instead of `bias`.
+            Signal that has acted on the plant since the last sample, if that is not the returned signal. It may be the
+            output of a selector, an operator's command or the position of the actuator. In the first call, the
+            controller starts from this signal instead of `bias`.
         feedforward : float, optional
-            Signal to add, for a controller that was discretised with ``feedforward=True``.
+            Signal to add. Only for a controller that was discretised with ``feedforward=True``.
 
         Returns
         -------
         float
-            The control signal, within its limits also in manual mode.
+            The control signal, which is within its limits even in manual mode.
 
         Raises
         ------
         TypeError, ValueError
-            For a signal that is not a real number, and for an unexpected feedforward.
+            If a signal is not a real number, or if feedforward is given but was not declared.
 
         Examples
         --------
@@ -297,18 +298,18 @@ class DigitalController(Parameters):
 
     @property
     def fault(self) -> bool:
-        """True if the last sample was skipped, for an invalid signal."""
+        """True if the last sample was skipped because of an invalid signal."""
         return bool(self._states.fault)
 
     @property
     def at_limit(self) -> bool:
-        """True if a limit of range or rate cut off a part of the last control signal."""
+        """True if a limit of range or rate cut off a part of the latest control signal."""
         return bool(self._states.at_limit)
 
     def __call__(self, z: ArrayLike) -> Any:
-        """Evaluate the transfer function from -y to u at complex z, in the units of the signals.
+        """Evaluate the transfer function from -y to u at complex z, in units of the signals.
 
-        It has no prefilter: ``k.prefilter(z)`` evaluates that.
+        The prefilter is not included. Use ``k.prefilter(z)`` for the prefilter.
         """
         points = _check.complex_array("z", z)
         signal = sum((path(points) for path in self.paths), np.zeros_like(points))
@@ -320,12 +321,12 @@ class DigitalController(Parameters):
     def transfer_function(self) -> control.TransferFunction:
         """Return the transfer function from the error to the control signal, with b = c = 1 and without limits.
 
-        With the other sign it is the transfer function from the measurement, for any weights and prefilter.
+        For any weights and any prefilter, its negative is the transfer function from the measurement to u.
 
         Returns
         -------
         control.TransferFunction
-            In z, with the sample time, in the units of the signals.
+            In z, with the sample time. Gains are in units of the signals.
 
         Examples
         --------
@@ -350,22 +351,22 @@ class DigitalController(Parameters):
         Parameters
         ----------
         name : str, optional
-            Prefix of all names: ``<name>_init``, ``<name>_step``, ``<name>_state``; small letters.
+            Prefix of all names, such as ``<name>_init``, ``<name>_step`` and ``<name>_state``, in small letters.
         precision : {"double", "single"}, optional
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
             For the comment at the top: ``margins`` of the loop, further lines ``note``, ``time_unit`` of the sample
-            time, ``record`` and its ``date``. Of the texts, letters, digits and usual punctuation marks are kept.
-
+            Lines of the comment at the top: ``margins`` of the loop, text ``note``, ``time_unit`` of the sample time,
+            ``record`` and its ``date``. Only letters, digits and usual punctuation marks of the texts are kept.
         Returns
         -------
         str
-            A file that compiles by itself, with a self-test under ``<NAME>_SELFTEST``.
+            A complete file. Its self-test is compiled if ``<NAME>_SELFTEST`` is defined.
 
         Raises
         ------
         TypeError, ValueError
-            For an unknown precision or entry of the head, and for a name that is not an identifier or is a keyword.
+            If the precision or an entry of the head is unknown, or if the name is a keyword or not an identifier.
 
         Examples
         --------
@@ -377,12 +378,12 @@ class DigitalController(Parameters):
         return self._written("c", name, precision=precision, **head)
 
     def structured_text(self, name: str = "pida", **head: Any) -> str:
-        """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, with a second block that tests it.
+        """Write the controller as a FUNCTION_BLOCK of IEC 61131-3, and a second block that tests the first.
 
         Parameters
         ----------
         name : str, optional
-            Name of the block; small letters.
+            Name of the block, in small letters.
         **head : optional
             As in `c`.
 
@@ -406,7 +407,7 @@ class DigitalController(Parameters):
         return self._written("structured_text", name, **head)
 
     def python(self, name: str = "pida", **head: Any) -> str:
-        """Write the controller as a Python module without imports, also for MicroPython.
+        """Write the controller as a Python module without imports, which MicroPython runs as well.
 
         Parameters
         ----------
@@ -441,7 +442,7 @@ class DigitalController(Parameters):
         return written(self, language, name, **options)
 
     def json(self, **head: Any) -> str:
-        """Write parameters, coefficients and test vector as JSON.
+        """Write parameters, coefficients and a test vector as JSON.
 
         Parameters
         ----------
@@ -451,7 +452,7 @@ class DigitalController(Parameters):
         Returns
         -------
         str
-            JSON; infinite limits are null.
+            JSON in which infinite limits are null.
 
         Examples
         --------
@@ -469,17 +470,17 @@ class DigitalController(Parameters):
         usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
         usual |= {"prefilter": None, "feedforward": False, "tunable": False}
         extras = "".join(f", {name}={now[name]!r}" for name, value in usual.items() if now[name] != value)
-        # The source may come from a file, so it is quoted unless it prints on one line.
+        # The source may come from a file, so text that does not fit on one line is quoted.
         source = self.source if self.source.isprintable() else repr(self.source)
         return f"{source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
 
 
 @lru_cache(maxsize=64)
 def _function(k: DigitalController) -> Callable[..., float]:
-    """Return the step of a controller as a function, shared by equal controllers."""
+    """Return the step of a controller as a function. Equal controllers share the function."""
     return languages.function(program(k))
 
 
 def _signal(name: str, value: Any) -> float:
-    """Return a signal as a float, which may be NaN."""
+    """Convert a signal to a float, which may be NaN."""
     return value if isinstance(value, float) else _check.real(name, value)

@@ -1,4 +1,4 @@
-"""Discretise filtered gains."""
+"""Discretisation of a controller that is given as filtered gains."""
 
 from __future__ import annotations
 
@@ -39,69 +39,70 @@ def discretise(
 ) -> DigitalController:
     r"""Turn filtered gains into a digital controller with limits, anti-windup and a working point.
 
-    ``controller.discretise(sample_time, method, **options)`` calls it with these options.
+    The options of ``controller.discretise(sample_time, method, **options)`` are those of this function.
 
     =========  ===========================================  ==========================================================
     method     definition                                   suitable sample times
     =========  ===========================================  ==========================================================
     backward   :math:`s = (1 - z^{-1})/h`, as in most PLCs  any; a stable controller stays stable
-    tustin     :math:`s = 2(1 - z^{-1})/(h(1 + z^{-1}))`    up to twice the time constant of each filter
-    zoh        exact for an input that is held              up to the time constant of each filter
+    tustin     :math:`s = 2(1 - z^{-1})/(h(1 + z^{-1}))`    at most twice the time constant of each filter
+    zoh        exact if the input is held                   at most the time constant of each filter
     =========  ===========================================  ==========================================================
 
     ==================  ==============================================================================================
     anti-windup         the integral while the control signal is at a limit of its range or rate
     ==================  ==============================================================================================
-    reset               of a `SeriesPIDA`: the integral is a lag of time constant :math:`t_i` behind the limited signal
-                        (huba2024, Fig. 1, eqs. (3), (8)), if b = c = 1. Otherwise back-calculation with the integral
-                        time as tracking time, which for backward differences and b = 1 is that lag behind the limited
-                        signal less its derivative parts
-    back-calculation    it takes back :math:`h/(T_t + h)` of the part cut off, with the tracking time :math:`T_t`
-    clamping            it grows up to the limit, and rests while it would drive the signal further beyond
-    None                it integrates on
+    reset               For a `SeriesPIDA` with b = c = 1, the integral is the limited signal, filtered by a lag of time
+                        constant :math:`t_i` (huba2024, Fig. 1, eqs. (3), (8)). For other controllers,
+                        back-calculation is used with the integral time as tracking time. (For backward differences and
+                        b = 1 this filters the limited signal minus its derivative parts by the same lag.)
+    back-calculation    The share :math:`h/(T_t + h)` of the part cut off is taken back from the integral. :math:`T_t`
+                        is the tracking time.
+    clamping            The integral grows up to the limit, and keeps its value while it would drive the signal beyond.
+    None                The integral continues.
     ==================  ==============================================================================================
 
-    *reset*, the default, is right for most loops. Use *clamping* for a controller without an integral time (integral
-    and derivative action without proportional action), and where u stays at a limit for long and must leave it late.
-    *back-calculation* with a short `tracking_time` leaves a limit early. With each of them the controller always leaves
-    the limit. None is for actuators without limits.
+    The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
+    without proportional action. It also suits loops in which u stays at a limit for long and must leave the limit late.
+    *back-calculation* with a short `tracking_time` leaves a limit early. With each of the three the controller always
+    leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------
     parts : tuple of FilteredGains
-        Parts whose sum is the controller.
+        Filtered gains whose sum is the controller.
     sample_time : float
-        Time h from sample to sample, above 0.
+        Time h between samples, above 0.
     method : {"backward", "tustin", "zoh"}, optional
         As in the table.
     b, c : float, optional
-        Set-point weights of the proportional and the derivative parts; with ``c=0`` only the measurement is
-        differentiated. By default 1.
+        Set-point weights of the proportional and the derivative parts, by default 1. With ``c=0`` only the measurement
+        is differentiated.
     limits : tuple of float, optional
         Lower and upper limit of the control signal, in its units.
     rate_limit : float, optional
         Largest change of the control signal in a unit of time, above 0.
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional
-        As in the table; "none" means None. ("conditioning" belongs to `pidalab.simulate_sampled`.)
+        As in the table. "none" means None. (A further word, "conditioning", exists in `pidalab.simulate_sampled` only.)
     tracking_time : float, optional
-        For back-calculation, above 0. By default the geometric mean of integral and derivative time, the integral time
-        without derivative, and 0 for integral action alone: its integral stays at the limit.
+        For back-calculation, above 0. By default the geometric mean of integral and derivative time, or the integral
+        time if there is no derivative. For integral action alone it is 0, so the integral stays at the limit.
     deadband : float, optional
-        Errors up to this size count as zero, and it is subtracted from larger ones. At least 0, in units of y.
+        Errors up to this size count as zero, and larger errors are reduced by it. At least 0, in units of y.
     bias : float, optional
-        Control signal at the working point, which the controller starts with.
+        Control signal at the working point, with which the controller starts.
     y_offset : float, optional
         Measurement at the working point.
     prefilter : control.TransferFunction, optional
-        Filter of the set point, stable and of static gain 1, discretised with the same method. It also runs in manual
-        mode, and starts at rest at the first set point.
+        Filter of the set point, stable and of static gain 1. It is discretised with the same method, also runs in
+        manual mode, and starts at rest at the first set point.
     output_filter : OutputFilter or control.TransferFunction, optional
-        A filter of the control signal, which becomes a part of the controller: equal lags of gain 1.
+        A filter of the control signal, which must be equal lags of gain 1. It becomes a part of the controller.
     feedforward : bool, optional
-        True for a further input of ``step`` and of the written code, which is added before the limits.
+        True if ``step`` and the written code shall have another input, which is added before the limits.
     tunable : bool, optional
-        True for gains that may change without a bump while the controller runs: variables in the written code, and
-        ``retune`` in Python.
+        True if the gains may change without a bump while the controller runs. They are then variables in the written
+        code. In Python, ``retune`` changes them.
     reset : tuple of FilteredGains and float, optional
         Stabilising controller and time constant of an automatic reset.
     source : str, optional
@@ -110,18 +111,18 @@ def discretise(
     Returns
     -------
     DigitalController
-        It starts at its first measurement.
+        A controller that starts at its first measurement.
 
     Raises
     ------
     TypeError, ValueError
-        For a value outside its range; for a filter that is too fast for the sample time (except with backward); for
-        anti-windup that needs an integral time above 0.
+        If a value is out of its range; if a filter is too fast for the sample time (except with backward); or if the
+        anti-windup needs an integral time above 0 and there is none.
 
     Warns
     -----
     UserWarning
-        For a sample time above the integral time of the controller, or above its derivative time if it has no integral
+        If the sample time exceeds the integral time of the controller, or its derivative time if it has no integral
         action.
 
     Examples
@@ -188,7 +189,7 @@ def discretise(
 
 
 def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
-    """Warn of a sample time above the integral time, or above the derivative time without integral action."""
+    """Warn if the sample time exceeds the integral time, or the derivative time of a controller without integral."""
     ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
     what, above, below = ("integral time kp/ki", kp, ki) if ki else ("derivative time kd/kp", kd, kp)
     time = abs(above / below) if below else 0.0
@@ -200,7 +201,7 @@ def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
 
 
 def equal_lags(output_filter: Any) -> tuple[float, int]:
-    """Return time constant and order of an output filter, which must be equal lags of gain 1."""
+    """Return time constant and order of an output filter. Raise an error unless it consists of equal lags of gain 1."""
     num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
     order = den.size - 1
     time = float(den[-2] / den[-1]) / order if order and den[-1] else 0.0
@@ -215,7 +216,7 @@ def equal_lags(output_filter: Any) -> tuple[float, int]:
 
 
 def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float], float]:
-    """Return the growth of an automatic reset (present and previous signal) and its back-calculation gain."""
+    """Return the gains of an automatic reset on the present and previous signal, and its back-calculation gain."""
     if method == "backward":
         return (h / ti, 0.0), h / (ti + h)
     if method == "tustin":
@@ -232,7 +233,7 @@ def _back_calculation_gain(
     if time is None:
         ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
         if not any(any(part.gains[1:]) for part in parts):
-            return 1.0  # integral action alone stays at the limit
+            return 1.0  # without proportional or derivative action the integral stays at the limit
         if kp / ki <= 0:
             raise ValueError(
                 f"anti_windup={way!r} needs kp/ki above 0, found {kp / ki:.4g}; take 'clamping' or a tracking_time"

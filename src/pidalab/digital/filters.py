@@ -1,22 +1,22 @@
 r"""Filters as difference equations: chains of discrete lags, and a prefilter of the set point.
 
-Every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes, with each method, a lag of static gain 1,
+With each method, every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes a discrete lag of static gain 1,
 
 .. math:: x_k = x_{k-1} + g_0\,(v_k - x_{k-1}) + g_1\,(v_{k-1} - x_{k-1}), \qquad
           q(z) = \frac{g_0 z + g_1}{z - 1 + g_0 + g_1}.
 
-In this form the static gain of the lag is exact, in single precision too. Derivatives are differences of the states
-along a chain of lags. With :math:`s = (1 - q)/(T_F q)`, n equal lags give
+In this form the static gain of the lag is exact even in single precision. Derivatives are differences of the states
+along a chain of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference of the last states. Lags with different time constants, such as those of a filtered
-derivative and an output filter in series, also form one chain. A derivative then needs gains on differences of lower
-order as well. All this holds for the methods *backward* and *tustin*, which substitute s. The method *zoh* is exact for
-a held input. It uses the same differences with other gains.
+which is the j-th difference of the last states. Lags with different time constants also form one chain, as those of a
+filtered derivative in series with an output filter. A derivative then also needs gains on differences of lower order.
+All this applies to the methods *backward* and *tustin*, which substitute an expression for s. The method *zoh* is exact
+for a held input. It uses the same differences with other gains.
 
 =========  =======================  =====================  =======================================
-method     :math:`g_0`              :math:`g_1`            integral of e over a sample
+method     :math:`g_0`              :math:`g_1`            increment of the integral of e in a sample
 =========  =======================  =====================  =======================================
 backward   :math:`h/(T_F + h)`      0                      :math:`h\,e_k`
 tustin     :math:`h/(2 T_F + h)`    :math:`h/(2 T_F + h)`  :math:`h\,(e_k + e_{k-1})/2`
@@ -30,7 +30,7 @@ The denominator is written as a polynomial of p, and the states are
 
 .. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
 
-so that the static gain of 1 is exact, in single precision too.
+so the static gain of 1 is exact even in single precision.
 
 =========  ====================================  =================================
 method     M                                     target v_k
@@ -57,7 +57,7 @@ from pidalab.roots import roots
 METHODS = ("backward", "tustin", "zoh")
 # Weights of e_k and e_{k-1} in the increment of the integral.
 METHOD_WEIGHTS = {"backward": (1.0, 0.0), "tustin": (0.5, 0.5), "zoh": (0.0, 1.0)}
-# Number of terms in the series of the matrix exponential. The remainder is less than 1/50 factorial.
+# Number of terms in the series of the matrix exponential. The remainder is less than 1/(50!).
 SERIES_TERMS = 60
 
 
@@ -67,13 +67,13 @@ class FilterChain(NamedTuple):
     Attributes
     ----------
     name : str
-        Name in the comments of written code.
+        Name of the chain in the comments of written code.
     weight : float
-        Weight of the set point.
+        Weight of the set point in the input of the chain.
     new, old : tuple of float
         g_0 and g_1 of each lag.
     gains : tuple of float
-        Gains on the last state and on the differences of order 1 to n that end at the last state, for n lags.
+        Gain on the last state, then gains on the differences of order 1 to n that end at the last state, for n lags.
     """
 
     name: str
@@ -92,7 +92,7 @@ class FilterChain(NamedTuple):
         states: list[Any] = [np.ones_like(z)]
         for new, old in zip(self.new, self.old, strict=True):
             states.append(states[-1] * (new * z + old) / (z - 1 + new + old))
-        # The first differences use 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1), without cancellation near z = 1.
+        # The first differences use 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1), which does not cancel near z = 1.
         level: list[Any] = [
             x * (1 - new) * (z - 1) / (z - 1 + new + old)
             for x, new, old in zip(states, self.new, self.old, strict=False)
@@ -107,7 +107,7 @@ class FilterChain(NamedTuple):
         """Return numerator and denominator in descending powers of z."""
         poles = [np.array([1.0, new + old - 1.0]) for new, old in zip(self.new, self.old, strict=True)]
         lags = [np.array([new, old]) for new, old in zip(self.new, self.old, strict=True)]
-        # First the numerators of the states over the common denominator, then those of their differences.
+        # Compute the numerators of the states over the common denominator, then those of their differences.
         level: list[Any] = [_product([*lags[:j], *poles[j:]]) for j in range(self.order + 1)]
         num: Any = np.zeros(1)
         for gain in self.gains:
@@ -132,11 +132,11 @@ def filter_chains(
     `behind` holds the time constant and the number of these lags. The weight of the set point is 1 in the integral, b
     in the proportional part and c in the derivatives.
     """
-    _require_useful("filter behind the controller", *behind, h, method)
+    _require_useful("filter after the controller", *behind, h, method)
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
         _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
-        # With the fastest lag first, all terms of the sums below have the same sign.
+        # Sort the lags with the fastest first. All terms of the sums in `_on_differences` then have the same sign.
         lags = tuple(sorted([part.filter_time] * part.filter_order + [behind[0]] * behind[1]))
         for suffix, weight, gains in _by_weight(part, bool(lags), b, c):
             name, before = summed_gains.get((weight, lags), (part.name + suffix, 0.0))
@@ -156,7 +156,7 @@ def filter_chains(
 
 
 def _require_useful(what: str, time: float, order: int, h: float, method: str) -> None:
-    """Raise an error if a filter is too fast for the sample time and the method."""
+    """Raise an error if a filter is too fast for the sample time with this method."""
     most = {"backward": math.inf, "tustin": 2.0, "zoh": 1.0}[method]
     if order and h > most * time * (1 + 1e-9):
         because = {
@@ -182,11 +182,11 @@ def _lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
 def _by_weight(
     part: FilteredGains, filtered: bool, b: float, c: float
 ) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Split gains by the weight of the set point on which they act. Return one entry if all weights are 1."""
+    """Split gains by the weight of the set point in their input. Return a single entry if all weights are 1."""
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # With different weights, the filtered integral needs its own chain of lags, which corrects the pure integral.
+    # If the weights differ, the filtered integral needs a chain of lags of its own, which corrects the pure integral.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
@@ -202,16 +202,16 @@ def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
     ki, *others = gains
     n = lags.size
     result = np.zeros(n + 1)
-    # K_-1/(s prod (1 + T_i s)) equals K_-1/s - K_-1 sum T_i x_i, where x_i is (1 + difference)^(n - i) x_n.
+    # K_-1/(s prod (1 + T_i s)) equals K_-1/s - K_-1 sum T_i x_i, and x_i is (1 + difference)^(n - i) x_n.
     for i, time in enumerate(lags, start=1):
         result[: n - i + 1] -= ki * time * np.array([math.comb(n - i, m) for m in range(n - i + 1)])
-    # Row i of `level` expresses (T_1 s)^k x_i by differences that end at x_i. It follows from
+    # Row i of `level` expresses (T_1 s)^k x_i by differences that end at x_i. Each step uses
     # s x_i = (x_(i-1) - x_i)/T_i.
     level = np.eye(1, n + 1).repeat(n + 1, axis=0)
     for k, gain in enumerate(others):
         if gain:
             result += gain / (lags[0] ** k if n else 1.0) * level[-1]
-        # Differences that end at x_(i-1) are converted to differences that end at x_i.
+        # Convert differences that end at x_(i-1) to differences that end at x_i.
         before = level[:-1] + np.pad(level[:-1, :-1], ((0, 0), (1, 0)))
         level = (before - level[1:]) * (lags[0] / lags[k:])[:, np.newaxis] if k < n else level
     return result
@@ -220,9 +220,9 @@ def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
 def held_gains(gains: Array, lags: Array, h: float) -> Array:
     r"""Convert gains on a continuous chain with a held input to equivalent gains on differences of discrete lags.
 
-    Both chains have the poles :math:`p_i = e^{-h/T_i}` at the samples, where the states of the continuous chain are a
-    matrix T times the states of the discrete chain. Each column of T is computed from the preceding column. That column
-    is advanced by one sample, and the column times its pole is subtracted.
+    At the samples both chains have the poles :math:`p_i = e^{-h/T_i}`. The states of the continuous chain are a matrix
+    T times the states of the discrete chain. Each column of T is the preceding column, advanced by one sample, minus
+    the preceding column times its pole.
 
     Parameters
     ----------
@@ -242,8 +242,7 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     rates = h / lags
     poles, shares = np.exp(-rates), -np.expm1(-rates)
     fastest = rates.max(axis=-1)[..., None]
-    # The diagonal of the generator of input and states is shifted to 0 or above, so that the series has no
-    # cancellation.
+    # Shift the diagonal of the generator of input and states to 0 or above, so that its series has no cancellation.
     shifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
     diagonal, after = np.arange(n + 1), np.arange(1, n + 1)
     shifted[..., diagonal, diagonal] = fastest - np.insert(rates, 0, 0.0, axis=-1)
@@ -257,12 +256,12 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     to_states[..., 0, 0] = 1.0
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
-        # The diagonal holds the differences to the pole of lag i, which expm1 computes without cancellation. If the
-        # faster lags come first, they are not negative.
+        # The diagonal holds the differences from the pole of lag i. expm1 computes them without cancellation. They are
+        # not negative, since faster lags come first.
         slower = np.tril(transition[..., 1:, 1:], -1)
         slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
         column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]
-    # Convert the gains on states of the chain to gains on states of discrete lags, then to gains on their differences.
+    # Convert the gains on continuous states to gains on discrete states, then to gains on differences of these.
     on_states = np.zeros(gains.shape)
     for m in range(n + 1):
         for j in range(m + 1):
@@ -287,11 +286,11 @@ class Prefilter(NamedTuple):
     num, den : tuple of float
         Continuous filter, in descending powers of s.
     new, old : float
-        Weights of the present and the previous set point in v_k.
+        Weights of the present and the previous set point in the target v_k.
     move : tuple of tuple of float
         M, row by row.
     out : tuple of float
-        Gains on the distances of the states from the set point. The filtered set point is the set point plus their sum.
+        Gains on the distances of the states from the set point. Their sum is added to the set point.
     """
 
     num: tuple[float, ...]
@@ -340,7 +339,7 @@ def discrete_prefilter(num: Array, den: Array, h: float, method: str) -> Prefilt
     A = (np.eye(n, k=1) - np.eye(n)) * (h / tau)
     A[-1] -= d[:-1] / d[-1] * (h / tau)
     if method == "zoh":
-        # The exponential of (A A; 0 0) contains e^A - 1 at the upper right, without cancellation.
+        # The upper right block of the exponential of (A A; 0 0) is e^A - 1, without cancellation.
         from scipy.linalg import expm
 
         move = expm(np.block([[A, A], [np.zeros((n, 2 * n))]]))[:n, n:]

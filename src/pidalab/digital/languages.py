@@ -1,4 +1,4 @@
-"""Print the statements of a step in a language, and compile the Python form, which runs.
+"""Print the statements of a step in a language, and compile the Python form for use in this process.
 
 The other languages, and the files around a step, are in `pidalab.plant.code`.
 """
@@ -18,15 +18,15 @@ DEFAULTS |= {"feedforward": 0.0, "retuned": False}
 
 
 class Language(NamedTuple):
-    """Formats of a language for statements and names; ``name`` in a format is the name of the controller."""
+    """Formats of a language for statements and names. ``name`` in a format stands for the name of the controller."""
 
-    # formats of a note, an assignment, a choice, its other branch, and its end if the language has one
+    # formats of a note, an assignment, a condition, its other branch, and the end of a condition
     statements: tuple[str, ...]
-    words: Mapping[str, str]  # words of program expressions that differ in the language
+    words: Mapping[str, str]  # words of program expressions that are written differently in the language
     number: Callable[[float], str]
     state: str = "{0}"
     constant: str = "{0}"
-    literal: str = "{0}"  # a number within an expression
+    literal: str = "{0}"  # format of a number in an expression
 
 
 PYTHON = Language(
@@ -38,10 +38,10 @@ PYTHON = Language(
 
 
 def function(program: Program) -> Callable[..., float]:
-    """Return the step as a function of an object with the states, which it changes, and of the inputs.
+    """Return the step as a function of an object with the states, which the function changes, and of the inputs.
 
-    The executed text contains nothing from a file or a user. All names come from `program`, and constants are not
-    converted to text.
+    The executed text contains nothing from a file or a user. All names come from `program`, and constants are passed as
+    values instead of text.
     """
     space: dict[str, Any] = {"__builtins__": {}, **program.constants}
     exec(_compiled(method(program, "", notes=False)), space)

@@ -1,4 +1,4 @@
-"""The parameters of a digital controller, and their checks."""
+"""Parameters of a digital controller, and their checks."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ ANTI_WINDUP = ("reset", "back-calculation", "clamping", "conditioning", None)
 DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # words for a digital controller
 LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
 LARGEST_PARAMETER = 1e9  # largest gain that may change while the controller runs
-LARGEST_CONSTANT = 1e15  # no overflow with signals of 1e9, not even in single precision
-MOST_PATHS, MOST_PATH_LAGS = 40, 40  # limits for a controller and a path, so that code stays readable
+LARGEST_CONSTANT = 1e15  # with signals up to 1e9, larger constants could overflow in single precision
+MOST_PATHS, MOST_PATH_LAGS = 40, 40  # with more paths, or more lags in a path, the code would be unreadable
 MOST_CODE_LAGS = 160  # in all paths together, since the code of a path grows with the square of its lags
-SHARE_ROUNDING = 1e-6  # tolerance for the sum of the two coefficients of a lag, which is at most 1
+SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 by this rounding error
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
-    """The fields of a `DigitalController`, which explains them.
+    """Fields of a `DigitalController`, which documents them.
 
-    Every field is checked. Numbers are finite and within their ranges, words are among those allowed, and names of
-    paths are plain identifiers. Nothing else can reach code that is written or run.
+    Every field is checked. Numbers must be finite and within their ranges, words must be among those allowed, and names
+    of paths must be plain identifiers. So no other text reaches code that is written or run.
     """
 
     sample_time: float
@@ -51,7 +51,7 @@ class Parameters:
     tunable: bool = False
 
     def __post_init__(self) -> None:
-        # The checks return numbers as floats. The fields are frozen, so they are set through vars.
+        # The checks convert numbers to floats. The fields are frozen, so set them through vars.
         checked = _numbers(self)
         for name in ("integrates", "from_signal", "feedforward", "tunable"):
             checked[name] = _flag(name, getattr(self, name))
@@ -94,7 +94,7 @@ class Parameters:
 
 
 def anti_windup_word(word: str | None, available: tuple[str | None, ...], where: str) -> str | None:
-    """Return one of the anti-windup words that are available; "none" means None."""
+    """Check an anti-windup word against the available words, and return it. Return None for "none"."""
     word = None if word == "none" else word
     _check.choice("anti_windup", word, ANTI_WINDUP)
     if word not in available:
@@ -104,7 +104,7 @@ def anti_windup_word(word: str | None, available: tuple[str | None, ...], where:
 
 
 def _numbers(k: Parameters) -> dict[str, Any]:
-    """Check the numbers and the pairs of numbers."""
+    """Check the numbers and the pairs of numbers, and return them by name."""
     checked: dict[str, Any] = {
         "sample_time": _check.real("sample_time", k.sample_time, above=0.0),
         "deadband": _check.real("deadband", k.deadband, at_least=0.0),
@@ -145,7 +145,7 @@ def _path(name: str, path: Any) -> FilterChain:
 
 
 def _prefilter(k: Parameters) -> Prefilter:
-    """Check num and den of the prefilter, and return it as they become for the sample time."""
+    """Check the coefficients of the prefilter, and discretise it for the sample time."""
     given = k.prefilter
     if not isinstance(given, Prefilter):
         raise TypeError(f"prefilter must be a Prefilter, found {type(given).__name__}")

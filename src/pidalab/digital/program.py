@@ -1,15 +1,15 @@
 """The step of a digital controller as a list of statements for its actions and options.
 
-This is the only description of the step. It is written in several languages, run as Python by ``step``, and compiled by
-simulations (`pidalab.simulation.operations`). The order is: check the inputs; prefilter; deadband; filter chains;
-tracking; integral; limits of rate and range; anti-windup.
+This description is the only one of the step. It is written as code in several languages, run as Python by ``step``, and
+compiled for simulations (`pidalab.simulation.operations`). Its order is: check the inputs, then prefilter, deadband,
+filter chains, tracking, integral, limits of rate and range, and anti-windup.
 
 The step is defined for any input. The control signal is always a number within the limits. A sample with an input that
-is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped: states and control signal keep their values, and `fault` is
+is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped. States and control signal then keep their values, and `fault` is
 true. For all other inputs nothing overflows.
 
-An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``, which every language
-has. This module makes all names.
+An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``. Every language has
+equivalents. All names come from this module.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ INPUTS = {"setpoint": "real", "measurement": "real", "manual": "bool", "manual_v
 }
 MORE = {"feedforward": "real", "retuned": "bool"}  # optional inputs
 BOOLEANS = ("forced", "by_hand")
-# Constants that do not become variables in a tunable controller.
+# These constants do not become variables in a tunable controller.
 FIXED = re.compile(r"LOWEST|HIGHEST|LARGEST_.*|BIAS|Y_OFFSET|DEADBAND|PREFILTER.*|.*_WEIGHT")
 UNIT_GAIN = re.compile(r"PART_\d+_(NEW|OLD)(_\d+)?|TRACKING_GAIN|BACK_CALCULATION_GAIN")  # gains from 0 to 1
 
@@ -56,7 +56,7 @@ class If(NamedTuple):
 
 
 Statement = Note | Set | If
-Vector = dict[str, list[bool | float]]  # test signals: values of all samples, by name
+Vector = dict[str, list[bool | float]]  # test signals by name, with the values of all samples
 
 
 class Program(NamedTuple):
@@ -65,15 +65,15 @@ class Program(NamedTuple):
     Attributes
     ----------
     constants : dict
-        Values by name.
+        Constants by name.
     gains : dict
-        Initial values of the gains that may change while the controller runs; they are among the states.
+        Initial values of the gains that may change while the controller runs. These are also states.
     inputs : dict
-        "real" or "bool", by name.
+        Types of the inputs by name: "real" or "bool".
     states : dict
-        Initial values by name; `started` is true after the first sample.
+        Initial values by name. `started` is true after the first sample.
     variables : dict
-        "real" or "bool", by name, of the variables within a step.
+        Types of the variables within a step by name: "real" or "bool".
     checks : list
         Statements that set `fault` if a required input is not a valid number.
     skipped : list
@@ -172,7 +172,7 @@ def program(k: Parameters, block: bool = False) -> Program:
 
 
 def _number(name: str, low: str = "-LARGEST_SIGNAL", high: str = "LARGEST_SIGNAL") -> str:
-    """Return the condition that a signal is within bounds. It is false for NaN."""
+    """Return the condition that a signal is within bounds. The condition is false for NaN."""
     return f"{low} <= {name} and {name} <= {high}"
 
 
@@ -194,24 +194,24 @@ def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
 
 
 def _skipped(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a skipped sample, in which the signal holds unless an operator sets it."""
+    """Return the statements for a skipped sample. The signal keeps its value unless an operator sets it."""
     # The next valid sample continues from the present signal, as after manual mode.
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
     limited = [*_limited(named), *_at_limit(k), Set("control", "limited")]
     body: list[Statement] = [
-        Note("manual mode works in a skipped sample, too"),
+        Note("manual mode also works in a skipped sample"),
         If("by_hand", [Set("wanted", "manual_value"), *limited, *later]),
     ]
     return body + ([If("retuned", later)] if k.tunable else [])
 
 
 def _error(named: dict[str, float], compares: bool) -> list[Statement]:
-    """Return the statements for the error with its deadband, if anything needs it."""
+    """Return the statements that compute the error and apply the deadband, if these are needed."""
     body: list[Statement] = [Set("error", "target - measured")] * (compares or "DEADBAND" in named)
     if "DEADBAND" in named:
         inside = If("error < -DEADBAND", [Set("error", "error + DEADBAND")], [Set("error", "0.0")])
         body += [
-            Note("deadband: a smaller error counts as zero, a larger one from the edge of the band"),
+            Note("deadband: subtract the band from the error; an error within the band becomes 0"),
             If("error > DEADBAND", [Set("error", "error - DEADBAND")], [inside]),
             Set("measured", "target - error"),
         ]
@@ -219,14 +219,14 @@ def _error(named: dict[str, float], compares: bool) -> list[Statement]:
 
 
 def _tracking(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a signal that has acted on the plant instead of the control signal."""
+    """Return the statements that take over a signal that has acted on the plant instead of the control signal."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))
     if k.from_signal and _remembers(k):
         inside.append(Set("old", f"track_value{_less_bias(named)} - integral_part"))
     return [
-        Note("the signal that has acted on the plant, instead of the control signal, since the last sample"),
+        Note("the signal that has acted on the plant since the last sample replaces the control signal"),
         If("tracking", [*inside, Set("control", "track_value")]),
     ]
 
@@ -239,13 +239,13 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     forced = [
         If("manual", [Set("wanted", "manual_value")], [Set("wanted", "control")]),
         *_limited(named),
-        Note("the integral tracks the signal, for a return without a bump"),
+        Note("the integral follows the control signal, so that automatic mode starts without a bump"),
         Set("integral_part", f"limited{_less_bias(named)} - summed"),
         Set("carry", "0.0"),
         Set("follow", "false"),
     ]
     automatic = [
-        Note("the integral; carry keeps what rounding loses"),
+        Note("the integral; carry stores its rounding error for the next sample"),
         Set("growth", growth),
         Set("added", "growth + carry"),
         Set("grown", "integral_part + added"),
@@ -255,7 +255,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     ]
     more = " or with new gains" * k.tunable
     body: list[Statement] = [
-        Note(f"the signal is given in manual mode, and kept at the first sample{more}"),
+        Note(f"in manual mode the operator sets the signal; at the first sample{more} it keeps its value"),
         Note(f"follow is true after a sample that was skipped in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
@@ -265,7 +265,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(named)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
-        # The error of this sample is added in the next one, so it is clamped, too.
+        # The error of this sample is only added in the next sample, so it is clamped as well.
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
@@ -280,13 +280,13 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
             Set("carry", "added - (integral_part - grown)"),
         ]
         keep += [
-            Note("back-calculation: correct the integral by a part of what the limit cut off"),
+            Note("back-calculation: take back from the integral a share of the part that the limit cut off"),
             If("limited < wanted or limited > wanted", correction),
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # An increment that exceeds the remaining range is reduced to that range. If the integral stopped instead, it could
-    # lock up.
+    # An increment that would drive the signal beyond the limit is reduced to the remaining range. If the integral were
+    # stopped instead, it could remain locked.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [
@@ -294,7 +294,7 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         If("room * growth > 0.0", grown_less, again),
     ]
     return [
-        Note("clamping: the integral stops at the limit, and holds while it would push further beyond"),
+        Note("clamping: shorten an increment that would drive the signal beyond the limit"),
         If("(limited - wanted) * growth < 0.0", clamped, keep),
     ]
 
@@ -339,7 +339,7 @@ def part_name(i: int) -> str:
 
 
 def _share(path: FilterChain, i: int, kind: str, j: int) -> str:
-    """Return the name of a coefficient of the j-th lag of the i-th chain; equal lags share it."""
+    """Return the name of a coefficient of the j-th lag of the i-th chain. Equal lags share the coefficient."""
     return f"{part_name(i).upper()}_{kind}" + ("" if _equal(path) else f"_{j}")
 
 
@@ -361,7 +361,7 @@ def _prefilter_constants(prefilter: Prefilter) -> dict[str, float]:
 
 
 def _prefilter_states(prefilter: Prefilter) -> list[str]:
-    """Return the names of the states of a prefilter. The first is the previous set point, if needed."""
+    """Return the names of the states of a prefilter. If the previous set point is needed, it is the first."""
     return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
 
 
@@ -387,7 +387,7 @@ def _prefilter_statements(prefilter: Prefilter, named: dict[str, float]) -> list
 
 
 def _path_states(path: FilterChain, i: int) -> list[str]:
-    """Return the names of the states of a chain: its previous input, if needed, and its lags."""
+    """Return the names of the states of a chain: first its previous input, if needed, then its lags."""
     return (
         [f"{part_name(i)}_{j}" for j in range(0 if any(path.old) else 1, path.order + 1)]
         if path.order
@@ -396,7 +396,7 @@ def _path_states(path: FilterChain, i: int) -> list[str]:
 
 
 def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a chain of lags and the gains on its differences."""
+    """Return the statements for a chain of lags and for the gains on its differences."""
     name, n, upper = part_name(i), path.order, part_name(i).upper()
     aim = {1.0: "target", 0.0: "0.0"}.get(path.weight, f"{upper}_WEIGHT * target")
     lags = f": {n}{' equal' * _equal(path)} lag{'s' if n > 1 else ''}" if n else ""
@@ -418,12 +418,12 @@ def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list
         for j in range(1, n + 1):
             x = f"{name}_{j}"
             body.append(Set(x, f"{x} + {_share(path, i, 'NEW', j)} * ({level[j - 1]} - {x})"))
-    elif n:  # the last lag first, since each needs the previous state of the one before it
+    elif n:  # update the last lag first, since each needs the previous state of its predecessor
         for j in range(n, 0, -1):
             x = f"{name}_{j}"
             body.append(Set(x, f"{x} + {_share(path, i, 'OLD', j)} * ({name}_{j - 1} - {x})"))
     body += [Set(f"{name}_0", "entering")] if any(path.old) else []
-    # The gains act on the differences that end at the last state.
+    # Apply the gains to the differences that end at the last state.
     first = i == 0
     highest = max((m for m, gain in enumerate(path.gains) if gain), default=0)
     for m in range(highest + 1):

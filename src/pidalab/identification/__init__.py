@@ -1,6 +1,6 @@
-"""Identify a process model from a plant record: three points, a tangent, a ramp.
+"""Identify a process model from a plant record, by three points, a tangent or a ramp.
 
-`fit` uses all samples of a record. It belongs to `pidalab.plant`, and is imported on first use.
+`fit` uses all samples of a record. It belongs to `pidalab.plant` and is imported on first use.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -18,18 +18,18 @@ from pidalab.areas.measured import is_record
 from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)  # levels of the three-point model, as shares of the change
-OVERSHOOT = 0.1  # largest overshoot, an allowance for noise, since the model has real poles
-MOST_ENDS = 400  # number of intervals of a record to which a ramp is fitted
-# Largest change of the mean between the last two tenths of a record, relative to the whole change.
+OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an overshoot must be noise
+MOST_ENDS = 400  # largest number of intervals of a record to which a ramp is fitted
+# A record has settled if the mean changes by less than this share between its last two tenths.
 STILL_MOVING = 0.01
-NOISY = 0.01  # noise of a record, relative to the whole change, above which single samples mislead
-# above it, a loop tuned with the model has a clearly larger Ms with the process
+NOISY = 0.01  # with more noise, relative to the whole change, single samples mislead
+# If the gain of the record exceeds that of the model by more, the loop with the process has a clearly larger Ms.
 MOST_EXCESS_GAIN = 0.25
 
 
 @dataclass(frozen=True)
 class ThreePointModel:
-    r"""Third-order model with dead time, from three points of a step response (haalman2024, eqs. (4) and (5)).
+    r"""Third-order model with dead time from three points of a step response (haalman2024, eqs. (4) and (5)).
 
     .. math:: \hat P(s) = \frac{K}{(1 + \tau s)\left(1 + \frac{(1 - \alpha) L}{2} s\right)^2} e^{-\alpha L s}
 
@@ -49,14 +49,14 @@ class ThreePointModel:
     apparent_delay : float
         L, apparent dead time.
     alpha : float
-        Share of L that is true dead time, between 0 and 1; the rest becomes two equal lags.
+        Share of L that is true dead time, between 0 and 1. The rest becomes two equal lags.
     tau : float
         Dominant time constant.
     times : tuple of float
         Times at which the record reaches the three levels.
     excess_gain : float
-        Largest relative amount by which the gain of the record exceeds that of the model at frequencies up to
-        1/(αL), near which the rules place the crossover; nan if unknown.
+        Largest relative amount by which the gain of the record exceeds that of the model, at frequencies up to 1/(αL).
+        The rules place the crossover near 1/(αL). nan if unknown.
     """
 
     gain: float
@@ -81,50 +81,52 @@ def three_point(
     *,
     crossing: Literal["interpolated", "sampled"] = "interpolated",
 ) -> ThreePointModel:
-    """Fit a third-order model with dead time through three points of an open-loop step response.
+    """Fit a third-order model with dead time to three points of an open-loop step response.
 
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times; the step of the input is at t = 0. Or a `Record`, which has its own output, step and rest level.
+        Uniform times with the step of the input at t = 0. A `Record` may be given instead, which has its own output,
+        step and rest level.
     y : array_like, shape (n,), optional
-        Output, from rest to rest. The first sample is the rest value, the mean of the last tenth the final value.
+        Output, from rest to rest. The rest value is the first sample, and the final value is the mean of the last
+        tenth.
     step : float, optional
-        Change of the input, not 0; by default 1.
+        Change of the input, not 0. By default 1.
     crossing : {"interpolated", "sampled"}, optional
-        Time at which a level is reached (5 %, 35.3 % and 85.3 % of the change): interpolated linearly, or the first
-        sample at or above it.
+        How to compute the time at which a level is reached (5 %, 35.3 % and 85.3 % of the change): by linear
+        interpolation, or as the time of the first sample at or above the level.
 
     Returns
     -------
     ThreePointModel
-        The parameters; its `process` is the model.
+        The parameters. Its `process` is the model.
 
     Notes
     -----
-    `pidalab.Record` cuts a plant record at its step, and resamples it if its times are not uniform::
+    `pidalab.Record` cuts a plant record at its step, and resamples it if its times are not uniform. Write ::
 
         model = three_point(pidalab.Record(t, u, y))
 
-    An offset of y has no effect, but noise has. The rest value of an array is one sample, and a level counts as reached
-    at the first sample above it. Up to a noise of about 1 % of the change the model is useful. For more noise use
-    `pidalab.identification.fit`, which uses all samples.
+    An offset of y has no effect, but noise has an effect. The rest value of an array is a single sample, and a level
+    counts as reached at the first sample above it. The model is useful if the noise is at most about 1 % of the change.
+    For more noise use `pidalab.identification.fit`, which uses all samples.
 
-    The formulas of eq. (5) lose dead times that are short against the dominant lag. With τ = 1, L = 0.25 and α = 0.9
-    they give α = 0.31. The step responses differ by 3 % only, but the paper's controller, tuned with the model for a
-    maximum sensitivity of 1.4, has 2.99 with the process. `excess_gain` shows it.
+    The formulas of eq. (5) lose a dead time that is short compared with the dominant lag. With τ = 1, L = 0.25 and
+    α = 0.9 they give α = 0.31. The step responses differ only by 3 %. However, the controller that the paper's rule
+    gives for this model and Ms = 1.4 reaches Ms = 2.99 with the process. `excess_gain` shows this error.
 
     Raises
     ------
     TypeError, ValueError
-        For a record that never moves, still moves at its end, already moves at its beginning, or overshoots by more
-        than 10 %; for a shape that the model does not fit (alpha outside [0, 1], or a time constant that is not
-        positive); for a Record without a step, or together with y or step.
+        If the record never moves, still moves at its end, already moves at its beginning, or overshoots by more than
+        10 %; if the model does not fit its shape (alpha outside [0, 1], or a time constant that is not positive); or if
+        a Record has no step or is given together with y or step.
 
     Warns
     -----
     RecordWarning
-        If the noise of a Record is above 1 % of the change, and if `excess_gain` is above 0.25.
+        If the noise of a Record is above 1 % of the change, or if `excess_gain` is above 0.25.
 
     References
     ----------
@@ -177,8 +179,8 @@ def ipdt_tangent(
 ) -> Process:
     r"""Approximate the steepest segment of a step response by an integrator with dead time.
 
-    The straight line through the segment has the slope K step, and meets the rest level after the dead time L. The
-    model is :math:`K e^{-Ls}/s`. It describes the beginning of the response. The process may settle later.
+    The straight line through the segment has the slope K step, and reaches the rest level at the dead time L. The model
+    is :math:`K e^{-Ls}/s`. It describes the beginning of the response, even if the process settles later.
 
     ============  ===========================
     huba2018      result
@@ -190,17 +192,18 @@ def ipdt_tangent(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times; the step of the input is at t = 0. Or a `Record`, which has its own output, step and rest level.
+        Uniform times with the step of the input at t = 0. A `Record` may be given instead, which has its own output,
+        step and rest level.
     y : array_like, shape (n,), optional
-        Output; its first sample is the rest level.
+        Output. Its first sample is the rest level.
     step : float, optional
-        Change of the input, not 0; by default 1.
+        Change of the input, not 0. By default 1.
     span : float, optional
-        Length of the segment in time, rounded to whole steps of t. The default is one sample interval, for a record
-        without noise. The relative errors of slope and dead time are then of the order of the squared sample time (of
-        the sample time if the record is steepest at a corner). In a noisy record the steepest short segment is noise:
-        use a longer one, to which a line is fitted by least squares. A third of the rise time is the default for a
-        Record with noise.
+        Length of the segment in time, rounded to whole steps of t. The default is one sample interval, which suits a
+        record without noise. The relative errors of slope and dead time are then of the order of the squared sample
+        time, or of the sample time if the record is steepest at a corner. In a noisy record the steepest short segment
+        is noise. Give a longer segment, to which a line is fitted by least squares. For a Record with noise the default
+        is a third of the rise time.
 
     Returns
     -------
@@ -210,8 +213,8 @@ def ipdt_tangent(
     Raises
     ------
     TypeError, ValueError
-        For a record that ends where it began, a span longer than the record, and a line that meets the rest level
-        before the step; for a Record without a step, or together with y or step.
+        If the record ends where it began, the span is longer than the record, or the line reaches the rest level before
+        the step. Also if a Record has no step or is given together with y or step.
 
     References
     ----------
@@ -238,7 +241,7 @@ def ipdt_tangent(
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2
     slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
-    # The slope is taken in the direction of the change, since the record may first move the other way.
+    # Take the slope in the direction of the change, since the record may first move the other way.
     i = int(np.argmax(slopes * np.sign(change)))
     middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
     delay = middle - (level - y[0]) / slopes[i]
@@ -253,15 +256,15 @@ def ipdt_tangent(
 def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_order: int) -> Array:
     r"""Pass a record through the filter of a controller, :math:`1/(T_f s + 1)^n` (huba2024, eq. (9)).
 
-    A model identified from the filtered record includes the delay of the filter, so a controller designed for it must
-    use this filter (huba2024, sec. 3.1).
+    If a model is identified from the filtered record, it includes the delay of the filter. A controller that is
+    designed for this model must use the filter (huba2024, sec. 3.1).
 
     Parameters
     ----------
     t : array_like, shape (n,)
         Uniform times that start at 0.
     y : array_like, shape (n,)
-        Output, linear between samples. Before t = 0 it rests at its first sample.
+        Output, taken as linear between samples. Before t = 0 it rests at its first sample.
     filter_time : float
         Time constant of the filter, above 0.
     filter_order : int
@@ -270,12 +273,12 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     Returns
     -------
     ndarray, shape (n,)
-        The filtered record, exact for an output that is linear between samples.
+        The filtered record, which is exact if the output is linear between samples.
 
     Raises
     ------
     ValueError
-        For times that are not uniform, and for a filter outside its ranges.
+        If the times are not uniform, or the filter is out of its range.
 
     Examples
     --------
@@ -287,7 +290,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     t, y = _check.signals(t, y=y)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
     order = _check.order("filter_order", filter_order, at_least=1)
-    # These are lags in series, in units of the filter time. `lsim` interpolates the input linearly.
+    # Use lags in series, in units of the filter time. `lsim` interpolates the input linearly.
     lags = np.eye(order, k=-1) - np.eye(order)
     first, last = np.eye(order)[:, :1], np.eye(order)[-1:]
     _, filtered, _ = lsim((lags, first, last, [[0.0]]), y - y[0], h * np.arange(t.size))
@@ -300,8 +303,8 @@ def ipdt_least_squares(
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
     The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. It is fitted to the record
-    from 0 to t_1. Of all t_1, the one with the largest gain K is chosen, the cautious choice for tuning (huba2024, sec.
-    3.1). The record is not differentiated, so noise has little effect.
+    from 0 to t_1. Of all t_1, the one with the largest gain K is used, since this is cautious for tuning (huba2024,
+    sec. 3.1). The record is not differentiated, so noise has little effect.
 
     ============  ===========================
     huba2024      result
@@ -313,15 +316,16 @@ def ipdt_least_squares(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times; the step of the input is at t = 0. Or a `Record`, which has its own output, step and rest level.
+        Uniform times with the step of the input at t = 0. A `Record` may be given instead, which has its own output,
+        step and rest level.
     y : array_like, shape (n,), optional
-        Output; its first sample is the rest level. For a noisy record, set it to the mean before the step.
+        Output. Its first sample is the rest level. If the record is noisy, set this sample to the mean before the step.
     step : float, optional
-        Change of the input, not 0; by default 1.
+        Change of the input, not 0. By default 1.
     rise : float, optional
-        The shortest interval from 0 to t_1 ends where the output was last below this fraction of its whole change,
-        between 0 and 1. It must be large compared with the noise. With a small value the gain may approach that of the
-        tangent, if the output is steepest at its beginning.
+        Fraction of the whole change, between 0 and 1. The shortest interval from 0 to t_1 ends where the output was
+        last below this fraction. The fraction must be large compared with the noise. If it is small and the output is
+        steepest at its beginning, the gain may approach that of the tangent.
 
     Returns
     -------
@@ -331,12 +335,12 @@ def ipdt_least_squares(
     Raises
     ------
     TypeError, ValueError
-        For a record that ends where it began, is too short, or that no ramp fits; for a rise outside its range; for a
-        Record without a step, or together with y or step.
+        If the record ends where it began, is too short, or cannot be fitted by a ramp; if `rise` is out of its range;
+        or if a Record has no step or is given together with y or step.
 
     Notes
     -----
-    The paper does not print its criterion. This one follows its words, least squares and the largest gain.
+    The paper does not print its criterion. The one used here follows the paper's words: least squares, largest gain.
 
     Examples
     --------
@@ -367,12 +371,13 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
 
     Notes
     -----
-    For a start between two samples the sums over the later samples are constants, so the best start and slope are those
-    of a regression line, clipped to the interval. The best of all intervals and their ends is taken.
+    If the ramp starts between two samples, the sums over the later samples do not depend on its start. The best start
+    and slope are therefore those of a regression line, with the start clipped to the interval. The best result of all
+    intervals and their ends is returned.
     """
-    # Sums over the samples from the i-th on.
+    # Each entry is the sum over the samples from the i-th on.
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))
-    i = np.arange(1, t.size - 2)  # at least two samples on the ramp
+    i = np.arange(1, t.size - 2)  # at least two samples must lie on the ramp
     spread = count[i] * stt[i] - st[i] ** 2
     slope = (count[i] * sty[i] - st[i] * sy[i]) / spread
     # The start is where the regression line meets the rest level.
@@ -382,7 +387,7 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     # If the minimum is outside the interval, one of its ends is best.
     delay, i = np.concatenate([inside, t[i - 1], t[i]]), np.tile(i, 3)
     square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
-    best = int(np.argmax(product**2 / square))  # largest reduction of the sum of squares
+    best = int(np.argmax(product**2 / square))  # this reduces the sum of squares most
     return float(product[best] / square[best]), float(delay[best])
 
 
@@ -399,7 +404,7 @@ def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> 
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record: it has its own")
         times, response = t.after_step()
-        response[0] = 0.0  # the rest level of a Record is a mean, which is more accurate than one sample
+        response[0] = 0.0  # after_step subtracts a mean, which is more accurate than the first sample
         change = abs(float(np.mean(response[-max(1, response.size // 10) :])))
         noise = t.noise.deviation / abs(t.step.after - t.step.before)
         if noise > NOISY * change:
@@ -427,10 +432,10 @@ def _rise_time(t: Array, y: Array) -> float:
 
 
 def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:
-    """Return the largest relative excess of the gain of a unit-step record over that of its model up to a frequency.
+    """Return the largest relative excess of a unit-step record's gain over that of its model, up to a frequency.
 
-    The record is taken as linear between its samples, so its frequency response, the integral of y' e^{-jωt}, is a
-    finite sum.
+    The record is taken as linear between its samples. Therefore its frequency response, the integral of y' e^{-jωt}, is
+    a finite sum.
     """
     h = float(t[-1] / (t.size - 1))
     w = highest * np.geomspace(0.05, 1.0, 25)

@@ -78,7 +78,7 @@ def load(
     process : Process
         The plant, with exact dead time. An unstable plant must be stabilisable.
     order : int
-        Highest derivative m: 0 for PI, 1 for PID, 2 for PIDA, at most 4. The filter has order m + 1.
+        Highest derivative m. 0 is PI, 1 is PID, 2 is PIDA, and at most 4 is allowed. The filter has order m + 1.
     ms : float, optional
         Largest allowed maximum sensitivity, above 1.
     mks : float, optional
@@ -104,6 +104,8 @@ def load(
         A design of this function for the same process and order. The search then continues from this design, instead of
         from many starts.
 
+    Returns
+    -------
     Returns
     -------
     Design
@@ -168,7 +170,7 @@ def least_iae(
     order : int
         As for `load`.
     requirements : Requirements
-        The limits.
+        Limits of the design.
     start : Design, optional
         As for `load`.
 
@@ -180,7 +182,7 @@ def least_iae(
     Raises
     ------
     TypeError, ValueError
-        As from `load`.
+        As for `load`.
 
     Examples
     --------

@@ -279,7 +279,7 @@ def polish(search: Search, x: Array) -> Polished | None:
             is_near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
             if is_near or there + penalty * by <= value + penalty * violation:
                 break
-            # The trust region must shrink even if rounding makes the step longer than its radius.
+            # Shrink the trust region even if rounding made the step longer than its radius.
             trust = 0.3 * min(trust, length)
             if trust < LEAST_TRUST:
                 return None

@@ -1,7 +1,7 @@
 r"""Compute the IAE and the slack of limits as smooth functions of the gains, with gradients, for `pidalab.optimal`.
 
-The unknowns are the gains, made dimensionless with the gain and the time scale of the process, and the logarithm of the
-filter time. With :math:`C = c/q` and the filter q there are closed forms at each frequency:
+The unknowns are the gains, made dimensionless by the gain and the time scale of the process, and the logarithm of the
+filter time. With :math:`C = c/q`, where q is the filter, closed forms exist at each frequency:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
@@ -47,7 +47,7 @@ REST = 1e-3  # allowed relative error of the integral that the transform gives
 GAIN_UNITS = (0.1, 1.0)  # least and largest scale factor of a gain in a descent
 BARRIER = 1e9  # value of the objective for an unstable loop
 
-# A line search needs only values, so slopes are computed on request.
+# A line search needs only values, so slopes are functions that are called on request.
 Slope = Callable[[], Array]
 PEAKS = ("ms", "mks", "mt", "inverse_disk")  # the supremum of |S - T|/2 is the inverse of the disk margin
 MS, MKS, MT, INVERSE_DISK = range(4)  # kinds of heights
@@ -118,7 +118,7 @@ class Problem:
     def _filter(self, x: Array, s: Any) -> tuple[Any, Any]:
         """Return the filter 1/(1 + T_F s)^(m + 1) at complex s, and 1/(1 + T_F s)."""
         _, tf = self.controller(x)
-        # Products are used, since numpy computes powers of complex arrays by logarithms.
+        # Use products, since numpy computes powers of complex arrays by logarithms.
         filtered = lag = 1 / (1 + tf * s)
         for _ in range(self.order):
             filtered = filtered * lag
@@ -141,7 +141,7 @@ class Problem:
         growth = np.exp(DAMPING * np.arange(samples) / samples) / step
         plant, actions = self.process(s), self._actions(s)
         disturbed = plant / s
-        both_signs = np.full(s.size, 2.0 / samples)  # Each frequency also represents its negative.
+        both_signs = np.full(s.size, 2.0 / samples)  # each frequency also represents its negative
         both_signs[[0, -1]] *= 0.5
 
         def value(x: Array) -> tuple[float, Slope]:
@@ -248,7 +248,7 @@ class CachedValueAndSlope:
         self.both, self.place = both, b""
 
     def _at(self, x: Array) -> tuple[Any, Any]:
-        if x.tobytes() != self.place:  # Comparing bytes takes a tenth of the time of comparing arrays.
+        if x.tobytes() != self.place:  # comparing bytes takes a tenth of the time of comparing arrays
             self.place, self.last = x.tobytes(), self.both(x.copy())
         return self.last
 
@@ -333,7 +333,7 @@ class SampledNoise:
         self.moved = np.prod((self.z - outside) / (self.z - 0.5 * outside / np.abs(outside)), axis=0)
         self.integrator = sample_time / (self.z - 1)
         self._expand()
-        # weights of the trapezoidal rule over the upper half of the circle
+        # These are the weights of the trapezoidal rule over the upper half of the circle.
         steps = np.diff(self.w)
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
 
@@ -371,7 +371,7 @@ class SampledNoise:
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        self.actions[0, 1 : n + 1] = -1.0  # For K_-1 this is filtered 1/s less 1/s.
+        self.actions[0, 1 : n + 1] = -1.0  # for K_-1 this is filtered 1/s minus 1/s
         self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):
@@ -383,7 +383,7 @@ class SampledNoise:
         """Return the sampled controller at the frequencies, and a function that returns its slopes."""
         n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
         powers = time ** np.arange(1.0, -n, -1.0)
-        lags = self._lags(time, n + 1).view(float)  # real numbers times pairs of them
+        lags = self._lags(time, n + 1).view(float)  # products with pairs of real numbers are faster
         controller = (((gains * powers) @ self.actions) @ lags).view(complex)
         controller += gains[0] * self.integrator
 

@@ -56,7 +56,7 @@ class Search:
 
     def __init__(self, problem: Problem, limits: Requirements) -> None:
         self.problem, self.limits = problem, limits
-        self.active: list[int] = []  # plants of the family that the descents see
+        self.active: list[int] = []  # plants of the family that the descents consider
         time = problem.time
         # The frequencies are dense around the crossover, and dense enough to follow the phase of the dead time.
         far = np.geomspace(10.0, 2.0 / np.exp(FASTEST_ON_GRID), 16)[1:]
@@ -64,7 +64,7 @@ class Search:
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
         self.iae = problem.iae(SEARCH_HORIZON * time)
         self.fine = problem.iae(SEARCH_HORIZON * time, FINE_SAMPLES)
-        # With sampled noise the filter time must be at least the sample time.
+        # If the noise is sampled, the filter time must be at least the sample time.
         h = limits.sample_time
         self.noise = self.exact_noise = None
         if limits.noise_gain is not None and h is not None:
@@ -205,7 +205,7 @@ def search_in(process: Process, order: int, limits: Requirements, factor: float 
     Parameters
     ----------
     process : Process
-        With positive gain.
+        Process with positive gain.
     order : int
         Highest derivative.
     limits : Requirements

@@ -4,8 +4,8 @@ The steps are::
 
     Record -> fit -> tune -> discretise -> code
 
-`report` compares candidates, and `check` judges gains that run. The library does not import this package, but for names
-that it imports on first use.
+`report` compares candidates, and `check` judges the gains of a running controller. The library imports this package
+only when one of its names is used.
 """
 
 from lazy_loader import attach_stub

@@ -1,4 +1,4 @@
-"""Judge the gains of a running loop by a log of it: Ms, distance from the best gains, and others to try."""
+"""Judge the gains of a running loop by its log: compute Ms, compare with the best gains, and suggest other gains."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
 from pidalab.simulation.exact import simulate
 
-SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, and times the noise gain
-PLANTS_JUDGED = 60  # plants for the interval of Ms; with fewer the largest Ms is too often below the true one
-CLEARER = 0.8  # ratio of residuals with and without a load, below which the load is real
-CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output has to move
-COLOURED = 3.0  # samples that share one error, above which residuals are not white noise
-EXPLAINED = 0.8  # share of the movement of u that the controller which made it explains
-MOST_STEPPED = 5000  # samples over which the controller runs
-FED_BACK = 0.05  # share of the variance of u that slow disturbances may make
+SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, noise gain times
+PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
+CLEARER = 0.8  # a load is real if it reduces the residuals to this ratio or less
+CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output must move
+COLOURED = 3.0  # if more samples share one error, the residuals are not white noise
+EXPLAINED = 0.8  # the controller of the log explains at least this share of the movement of u
+MOST_STEPPED = 5000  # number of samples over which the controller is run
+FED_BACK = 0.05  # largest share of slow disturbances in the variance of u without a doubt
 CHECK_COLUMNS = {
     "IAE load": "iae_load",
     "Ms": "ms_sampled",
@@ -45,26 +45,26 @@ CHECK_COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A judgement of the gains that run. ``print`` shows it.
+    """A judgement of running gains. ``print`` shows it.
 
     Attributes
     ----------
     fit : Fit
-        The plant.
+        Model of the plant.
     design : Design
-        The gains that run, with their filter.
+        The running gains, with their filter.
     sample_time : float
         Sample time of the controllers.
     ms : float
         Maximum sensitivity of the sampled loop with the model; infinite if unstable.
     interval : tuple of float
-        The least and the largest Ms with the model and `plants`.
+        Smallest and largest Ms with the model and `plants`.
     plants : tuple of Process
         Plants that the log does not rule out.
     ms_worst : float
-        Limit of Ms with any of them, for the sets to try.
+        Limit of Ms with any of `plants`, for the suggested sets.
     doubts : tuple of str
-        Reservations.
+        Reservations about the judgement.
     """
 
     fit: Fit
@@ -78,7 +78,7 @@ class Check:
 
     @cached_property
     def rows(self) -> tuple[DesignRow, ...]:
-        """The gains that run, the best of their kind with the same Ms and noise gain, and three sets to try."""
+        """The running gains, the best gains of their kind with the same Ms and noise gain, and three suggested sets."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
@@ -102,10 +102,10 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step, in %, over the least of this kind with the same Ms and noise.
+        """Excess of the IAE of a load step in %, compared with the best gains of this kind with the same Ms and noise.
 
-        Below 0 if the search, whose filter is not faster than the sample, found none as good; nan if there is nothing
-        to compare with.
+        Below 0 if the search found no gains that are as good. (The search uses no filter faster than the sample.) nan
+        if there is nothing to compare with.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -121,7 +121,7 @@ class Check:
         return with_doubts("\n".join(lines), self.doubts)
 
     def _gains(self, row: DesignRow) -> str:
-        """Return the IAE relative to the present one, and the gains to enter."""
+        """Return the gains to enter, and their IAE as a multiple of the present IAE."""
         k = None if row.design is None else row.design.controller
         if row.design is self.design or not isinstance(k, HighOrderPID):
             return ""
@@ -141,10 +141,10 @@ def check(
     ms_worst: float = 2.0,
     model: str = "auto",
 ) -> Check:
-    r"""Judge the gains of a running loop by a log of it, or of an experiment with its plant.
+    r"""Judge the gains of a running loop by its log, or by an experiment with its plant.
 
-    The plant is fitted from the logged u to y, in open or closed loop. A change of the set point, a step of the load or
-    a bump of u is enough if it is large compared with the noise.
+    The plant is fitted from the logged u to y, in open or closed loop. The log must contain a change of the set point,
+    a step of the load or a bump of u that is large compared with the noise.
 
     Parameters
     ----------
@@ -155,27 +155,28 @@ def check(
     output_filter : control.TransferFunction, optional
         A filter in series, such as that of the measurement.
     sample_time : float, optional
-        Sample time of the controller, above 0; by default that of the log.
+        Sample time of the controller, above 0. By default that of the log.
     ms_worst : float, optional
-        For the sets to try: limit of Ms with any plant that the log does not rule out.
+        Limit of Ms for the suggested sets, with any plant that the log does not rule out.
     model : str, optional
         Model to fit, as for `pidalab.identification.fit`.
 
     Returns
     -------
     Check
-        Its `rows`, computed on first use, have three sets to try: *calmer* with half the noise gain and Ms at most 1.4,
-        *same noise* with 1.6, *faster* with twice the noise gain and 1.8.
+        Its `rows` are computed on first use and contain three suggested sets of gains. *calmer* has half the noise gain
+        and Ms at most 1.4. *same noise* has the same noise gain and Ms at most 1.6. *faster* has twice the noise gain
+        and Ms at most 1.8.
 
     Raises
     ------
     TypeError, ValueError
-        For a log that does not show the plant, and for gains of the wrong sign or without integral action.
+        If the log does not show the plant, or if the gains have the wrong sign or no integral action.
 
     Notes
     -----
-    In closed loop the noise is fed back to u. White noise does not bias a direct fit of the output error. Slower
-    disturbances pull the model towards -1/C. This is doubted if they make up much of the movement of u.
+    In closed loop the controller feeds the noise back to u. White noise does not bias a direct fit of the output error.
+    Slower disturbances pull the model towards -1/C. A doubt says so if they cause much of the movement of u.
 
     Examples
     --------
@@ -204,7 +205,7 @@ def check(
         raise ValueError(
             f"controller must have gains of the sign of the plant's, found kp = {gains.kp:.4g} for a plant of gain "
             f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
-            "the plant: log u behind the limits of the actuator, and move the set point"
+            "the plant: log u after the limits of the actuator, and move the set point"
         )
     share, better = explained_by(controller, output_filter, log)
     if share < EXPLAINED:
@@ -231,15 +232,15 @@ def check(
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
     """Return the share of the movement of u between samples that a controller explains, and the best gain.
 
-    The share is from 0 to 1, or nan if u rests at most samples, as in open loop. The gain is the least-squares
-    proportional gain.
+    The share is from 0 to 1. It is nan if u rests at most samples, as in open loop. The best gain is the proportional
+    gain of a least-squares fit.
 
     Notes
     -----
-    The controller runs over the logged output. Its changes between samples differ from those of u only by the effect of
-    the set point, which is constant between its steps. So the running median is subtracted from both, and the rest of
-    their difference must be small. Samples with u at its largest or least value may be clipped, and are left out. A log
-    may hold the u of the previous sample, so both ways are tried.
+    The controller is run with the logged output. Between samples, its signal and u change differently only through the
+    set point, which is constant between steps. Therefore the running median is subtracted from both changes, and their
+    remaining difference must be small. Samples with u at its largest or smallest value may be clipped, and are left
+    out. A log may store the u of the previous sample, so both alignments are tried.
     """
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())
@@ -250,7 +251,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
         return math.nan, math.nan
     try:
         digital = controller.discretise(log.sampling, "backward", output_filter)
-    except ValueError:  # the controller does not suit so slow a log
+    except ValueError:  # the sample time of the log is too long for this controller
         return math.nan, math.nan
     own = np.array([digital.step(float(y[0]), float(value)) for value in y])
     expected, dy = rough(np.diff(own)), rough(np.diff(y))
@@ -265,7 +266,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
 
 
 def _fitted(record: Record, model: str) -> Fit:
-    """Fit the plant, with a step of the load if that explains much of the residuals."""
+    """Fit the plant. Include a step of the load if it explains much of the residuals."""
     fits: list[Fit] = []
     refusal = None
     for load in (False, True):
@@ -286,7 +287,7 @@ def _fitted(record: Record, model: str) -> Fit:
 
 
 def _biased(fitted: Fit, loop: Loop) -> list[str]:
-    """Doubt a log in which slow disturbances, fed back by the controller, make much of the movement of u."""
+    """Return a doubt if slow disturbances, fed back by the controller, cause much of the movement of u."""
     record, residuals = fitted.record, fitted.residuals
     if samples_per_error(residuals) < COLOURED:
         return []

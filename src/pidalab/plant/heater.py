@@ -1,8 +1,8 @@
-"""The Temperature Control Lab, a board with heaters: real, or simulated by its package, through the same calls.
+"""Run the Temperature Control Lab, a board with two heaters, on the real board or in simulation.
 
-The package is ``tclab`` (``pip install tclab``). The control signal is the power of heater 1 in per cent, the output
-the temperature of thermistor 1 in degrees Celsius. Heater 2, a few centimetres away, is the load. A simulated hour
-takes a fraction of a second.
+The package ``tclab`` (``pip install tclab``) provides both. The control signal is the power of heater 1 in per cent,
+and the output is the temperature of thermistor 1 in degrees Celsius. Heater 2, a few centimetres away, is the load. A
+simulated hour takes a fraction of a second.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from pidalab.response import Response
 
 
 class Lab:
-    """A Temperature Control Lab, real or simulated. As a context manager it turns the heaters off at the end.
+    """A Temperature Control Lab, real or simulated. Used in a ``with`` block, it turns the heaters off at the end.
 
     Parameters
     ----------
     connected : bool, optional
-        Use the board at a serial port. By default the board is simulated, from 21 degrees.
+        Use the board at a serial port. By default a board is simulated, which starts at 21 degrees.
     seed : int, optional
         Seed of the simulated noise.
 
@@ -37,7 +37,7 @@ class Lab:
     ImportError
         If the package tclab is not installed.
     RuntimeError
-        If no board is found at a port.
+        If no board is found at any port.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class Lab:
         self._labtime = tclab.labtime
         with contextlib.nullcontext() if connected else _silent():
             self._device = tclab.TCLab() if connected else tclab.TCLabModel(synced=False)
-        self._now = 0.0 if connected else self._device.tlast  # its clock need not begin at 0
+        self._now = 0.0 if connected else self._device.tlast  # the simulated clock may not start at 0
 
     def __enter__(self) -> Lab:
         return self
@@ -79,7 +79,7 @@ class Lab:
             self._device.close()
 
     def hold(self, power: float = 0.0, duration: float = 1200.0) -> None:
-        """Hold heater 1 at a power, with heater 2 off, to warm up or cool down.
+        """Hold heater 1 at a constant power with heater 2 off, so that the board warms up or cools down.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class Lab:
         Raises
         ------
         TypeError, ValueError
-            For a power outside 0 to 100, or a duration that is not above 0.
+            If the power is outside 0 to 100, or the duration is not above 0.
 
         Examples
         --------
@@ -119,9 +119,9 @@ class Lab:
         duration : float, optional
             Seconds after the step.
         before : float, optional
-            Power before the step, in per cent. Above 0 the board must have settled there, or `rest` must be long.
+            Power before the step, in per cent. If it is above 0, let the board settle first or use a long `rest`.
         rest : float, optional
-            Seconds before the step.
+            Seconds recorded before the step.
         sample_time : float, optional
             Seconds between samples.
 
@@ -132,7 +132,7 @@ class Lab:
         Raises
         ------
         TypeError, ValueError
-            For powers outside 0 to 100, or times that are not above 0.
+            If a power is outside 0 to 100, or a time is not above 0.
 
         Examples
         --------
@@ -153,14 +153,14 @@ class Lab:
         duration: float = 900.0,
         load: ArrayLike = 0.0,
     ) -> Response:
-        """Run heater 1 with a digital controller.
+        """Control the temperature with heater 1 and a digital controller.
 
         Parameters
         ----------
         controller : DigitalController
-            In per cent and degrees. It is reset first.
+            Controller with signals in per cent and degrees. It is reset first.
         setpoint : float or array_like, shape (n,)
-            Degrees, for each sample of the controller.
+            Set point in degrees, for all samples or for each.
         duration : float, optional
             Seconds.
         load : float or array_like, shape (n,), optional
@@ -169,12 +169,12 @@ class Lab:
         Returns
         -------
         Response
-            With the measured temperature as `y` and heater 2 as `d`.
+            The measured temperature as `y`, and the power of heater 2 as `d`.
 
         Raises
         ------
         TypeError, ValueError
-            For a controller that is not digital, and signals of another length.
+            If the controller is not digital, or if signals have another length.
 
         Examples
         --------
@@ -196,16 +196,16 @@ class Lab:
         return Response(t=t, r=r, d=d, n=np.zeros(t.size), y=y, u=u)
 
     def _run(self, t: Array, heater: Callable[[int, float], float], load: Array) -> tuple[Array, Array]:
-        """Read the temperature at each time and set the heaters, the first one by the function `heater`."""
+        """Read the temperature at each time, and set both heaters. The function `heater` computes the first power."""
         u, y = np.empty(t.size), np.empty(t.size)
         start = self._labtime.time() if self.connected else self._now
         for k, moment in enumerate(t):
             self._wait_until(start + moment)
             y[k] = self._temperature()
-            # the board clips powers to 0 to 100 and returns the result
+            # The board clips powers to 0 to 100. Q1 returns the clipped power.
             u[k] = self._device.Q1(heater(k, float(y[k])))
             self._device.Q2(float(load[k]))
-        # the last control signal acts for one sample before another run can follow
+        # The last control signal must act for one sample before another run may follow.
         self._wait_until(start + t[-1] + t[1])
         return u, y
 
@@ -217,7 +217,7 @@ class Lab:
             self._now = moment
 
     def _temperature(self) -> float:
-        """Read thermistor 1. The simulated one draws its noise from the seed of this lab."""
+        """Read thermistor 1. In simulation, add noise from the seed of this lab."""
         others = random.getstate()
         random.setstate(self._random)
         try:

@@ -1,4 +1,4 @@
-"""The figures of a report and its page."""
+"""Figures of a report, and the page that contains them."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
     Candidates = Sequence[tuple[DesignRow, Design]]
 
-NEGLIGIBLE_ERROR = 0.005  # share of the largest error at which a figure ends
-PLANTS_SHOWN = 8  # plants of the spread in the figure
-CURVE = 500  # points of a curve in the figure
+NEGLIGIBLE_ERROR = 0.005  # a figure ends when the error stays below this share of its largest value
+PLANTS_SHOWN = 8  # number of plants of the spread in the figure
+CURVE = 500  # number of points of a curve in the figure
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: gain "
     "from measurement noise to the control signal, and Nyquist curves with the circle of the requested Ms. Faint "
@@ -41,7 +41,7 @@ def page(
     sections: Sequence[tuple[str, str]],
     folded: Sequence[tuple[str, str]],
 ) -> str:
-    """Return a page with sections of text, a figure, a table of HTML and folded sections."""
+    """Return an HTML page with sections of text, a figure, a table and folded sections."""
     loader = jinja2.PackageLoader("pidalab.plant.code")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template("report.j2")
     figure, table = Markup(svg(drawn)), Markup(table)
@@ -51,7 +51,7 @@ def page(
 
 
 def svg(drawn: Figure) -> str:
-    """Return a figure as an SVG element, reproducible to the byte."""
+    """Return a figure as an SVG element. Equal figures give equal bytes."""
     text = io.StringIO()
     with rc_context(STYLE):  # type: ignore[arg-type]
         drawn.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
@@ -59,7 +59,7 @@ def svg(drawn: Figure) -> str:
 
 
 def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Sequence[Process]) -> Figure:
-    """Draw six panels for the designs on a process, with the circle of an Ms and with other plants."""
+    """Draw six panels with the designs on a process. Add the circle of the requested Ms, and curves of other plants."""
     stable = [(row, row.design) for row in rows if row.applies and row.design is not None]
     if not stable:
         raise ValueError("there is nothing to draw: no candidate is stable with the model")
@@ -80,7 +80,7 @@ def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Seque
 
 
 def _lasting(response: Response) -> float:
-    """Return the time after which the error stays small."""
+    """Return the time after which the error stays below `NEGLIGIBLE_ERROR` of its largest value."""
     large = np.flatnonzero(np.abs(response.e) > NEGLIGIBLE_ERROR * np.max(np.abs(response.e)))
     return float(response.t[large[-1]]) or float(response.t[-1])
 

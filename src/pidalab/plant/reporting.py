@@ -25,8 +25,8 @@ from pidalab.rules.registry import ORDER
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SAFE = 2.001  # largest worst Ms of a loop that is called safe
-REPORT_HORIZON = 20.0  # length of the first responses, in time scales of the process
+SAFE = 2.001  # a loop is called safe if its worst Ms is at most this
+REPORT_HORIZON = 20.0  # length of the first simulated responses, in time scales of the process
 MEASURES = {  # attributes of a row, with their names and meanings
     "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
     "ms_sampled": ("Ms sampled", "the same of the digital controller"),
@@ -44,12 +44,12 @@ MEASURES = {  # attributes of a row, with their names and meanings
     ),
 }
 REPORT_COLUMNS = {name: x for x, (name, _) in MEASURES.items()}
-TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # measures that `tune` provides
+TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # `tune` provides these measures
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """Candidates for one plant with the same limits.
+    """Candidates for one plant, tuned with the same limits.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Report:
     ms : float
         The requested Ms.
     rows : tuple of DesignRow
-        Each with its design, measures and responses.
+        The candidates with designs, measures and responses.
     plants : tuple of Process
         Plants within the spread.
     """
@@ -73,7 +73,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the record, the model and the designs, with the kinds that they concern."""
+        """Reservations about the record, the model and the designs. Those of designs name the kinds concerned."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
@@ -87,7 +87,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """A sentence on what each kind gains over the one before it, and what it costs."""
+        """A sentence for each kind on what it gains over the preceding kind, and what it costs."""
         return "\n".join(
             f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, relative noise gain "
             f"{new.relative_noise / old.relative_noise:.2f} times"
@@ -97,7 +97,7 @@ class Report:
 
     @property
     def safety(self) -> str:
-        """A sentence for each kind that says if its loop is safe, and why."""
+        """A sentence for each kind that says if the loop is safe, and why."""
         return "\n".join(f"{row.kind}: {self._safe(row)}" for row in self.rows)
 
     def _safe(self, row: DesignRow) -> str:
@@ -127,7 +127,7 @@ class Report:
         return "<table>" + "\n".join(lines) + "</table>" + "".join(reasons)
 
     def table(self) -> list[list[str]]:
-        """Return the head and the rows of a table: a measure each, with a value for each kind and the meaning.
+        """Return a table of measures. Each row has a name, a value for each kind, and the meaning.
 
         Returns
         -------
@@ -176,9 +176,9 @@ class Report:
         Parameters
         ----------
         path : str or pathlib.Path
-            Where to.
+            File to write.
         title : str, optional
-            Its heading.
+            Heading of the page.
 
         Returns
         -------
@@ -201,10 +201,10 @@ class Report:
         Parameters
         ----------
         title : str
-            Its heading.
+            Heading of the page.
         *sections : sequence of (str, str), optional
-            Headings and texts before the figure, and folded ones after it. By default safety, gains and doubts come
-            first, model and record last.
+            Headings and texts. The first sequence stands before the figure, the second one is folded after it. By
+            default safety, gains and doubts come first, and model and record last.
 
         Returns
         -------
@@ -223,7 +223,7 @@ class Report:
         return page(title, self._repr_html_(), self.plot(), first, last)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Return headings and texts of the page before the figure, and folded ones after it.
+        """Return headings and texts that stand before the figure of the page, and those that are folded after it.
 
         Returns
         -------
@@ -273,12 +273,12 @@ def report(
     Returns
     -------
     Report
-        A kind that the rule does not make has a row with the error message.
+        Candidates in the order of `kinds`. If the rule does not provide a kind, its row contains the error message.
 
     Raises
     ------
     TypeError, ValueError
-        As for `pidalab.tune` and `pidalab.identification.fit`, unless an error concerns one kind only.
+        As for `pidalab.tune` and `pidalab.identification.fit`. An error that concerns one kind is stored in its row.
 
     Examples
     --------
@@ -301,7 +301,7 @@ def report(
 
 
 def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
-    """Tune for a plant and measure with a model. The row of a refused design has the reason."""
+    """Tune a controller for `plant`, and measure it with `model`. If the rule refuses, the row contains the reason."""
     try:
         design = tune(plant, kind, **options)
     except ValueError as refusal:

@@ -1,6 +1,6 @@
-"""Make designs whose real loop is safe, with the model and with every plant of its uncertainty.
+"""Make designs that are safe in the real loop, both with the model and with every plant of its uncertainty.
 
-The real loop has the sample time and the output filter with which the controller will run.
+The real loop contains the sample time and the output filter with which the controller will run.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from pidalab.rules import Design
 from pidalab.simulation.exact import load_iae
 
 PRICE_LIMIT = 3.0  # largest accepted price of robustness, as defined at `make_safe`
-MET = 1e-3  # a limit is met if the result is at most this share of the limit below the limit
-STILL_KEPT = 1e-6  # a limit counts as kept if the result exceeds the limit by at most this share
+MET = 1e-3  # a limit is met if the result is at most this share below it
+STILL_KEPT = 1e-6  # a limit is kept if the result exceeds it by at most this share
 MOST_CORRECTIONS = 20  # largest number of corrections of the requested Ms
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # least and largest factor of the requested Ms - 1 in one correction
 
-# A function of the requirements and of a design from which the search starts. It returns a design that keeps the
-# requirements, and the names of the active limits.
+# Function of the requirements and of a design to start the search from. It returns a design that keeps the requirements
+# and the names of the active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
 
 class LoopMs(NamedTuple):
-    """Maximum sensitivity Ms of a loop, infinite if the loop is unstable.
+    """Maximum sensitivity Ms of a loop, which is infinite if the loop is unstable.
 
-    If the sampled loop has no Ms, `ms` is the Ms of the continuous loop, and `reason` says why.
+    If the sampled loop has no Ms, `ms` is that of the continuous loop, and `reason` says why.
     """
 
     ms: float
@@ -42,19 +42,19 @@ class LoopMs(NamedTuple):
 
 
 class LoopEvaluator:
-    """Evaluates designs in the real loop.
+    """Evaluate designs in the real loop.
 
     Parameters
     ----------
     sample_time : float or None
-        Sample time of the controller, discretised by backward differences; None for a continuous controller.
+        Sample time of the controller, which is discretised by backward differences. None if it is continuous.
     output_filter : control.TransferFunction or None
         Filter in series with the controller.
     """
 
     def __init__(self, sample_time: float | None, output_filter: Any = None) -> None:
         self.sample_time, self.output_filter = sample_time, output_filter
-        # Ms is computed once for each pair of a design and a plant.
+        # The cache stores Ms for each pair of a design and a plant.
         self.ms = cache(self._ms)
 
     def loop(self, design: Design, plant: Process) -> Loop:
@@ -63,7 +63,7 @@ class LoopEvaluator:
         return Loop(plant, design.controller, filters, design.prefilter)
 
     def _ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms of the sampled loop or, if it has none, Ms of the continuous loop and the reason."""
+        """Return Ms of the sampled loop. If there is none, return Ms of the continuous loop and the reason."""
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:
@@ -74,7 +74,7 @@ class LoopEvaluator:
         return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
-        """Return the largest Ms over some plants, 0 if there are none, and the alphabetically first reason."""
+        """Return the largest Ms over the plants, or 0 without plants, and the alphabetically first reason."""
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
@@ -96,7 +96,7 @@ def correct_request(
     limits: Requirements,
     start: Design | None = None,
 ) -> Design:
-    """Correct the requested Ms until the real loop meets the limits: at most 0.1 % below, and not above.
+    """Correct the requested Ms until the real loop meets the limits to 0.1 % without exceeding them.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def correct_request(
     Returns
     -------
     Design
-        A design that meets the limits or, if there is none, the last design that keeps the limits.
+        A design that meets the limits. If there is none, the last design that keeps the limits.
 
     Raises
     ------
@@ -121,8 +121,8 @@ def correct_request(
 
     Notes
     -----
-    The request is corrected if the real loop exceeds a limit, or if a limit is active and not met. In a correction the
-    requested Ms - 1 is multiplied by (limit - 1)/(result - 1), but by at least 0.5 and at most 2. The iteration ends
+    The request is corrected if the real loop exceeds a limit, or if an active limit is not met. A correction multiplies
+    the requested Ms - 1 by (limit - 1)/(result - 1), and by no less than 0.5 and no more than 2. The iteration ends
     when the request no longer changes.
     """
     request, kept, design = limits, None, start
@@ -145,7 +145,7 @@ def correct_request(
 
 
 def _next(request: float, result: float, limit: float, active: bool) -> float:
-    """Return the next requested Ms. It stays the same if the limit is met, or if the limit is kept and not active."""
+    """Return the next requested Ms. It is unchanged if the limit is met, or if the limit is kept and not active."""
     if result <= limit * (1 + STILL_KEPT) and not (active and result < limit * (1 - MET)):
         return request
     factor = (limit * (1 - 0.5 * MET) - 1) / (result - 1)
@@ -153,7 +153,7 @@ def _next(request: float, result: float, limit: float, active: bool) -> float:
 
 
 def refusal(limits: Requirements, remedy: str, worst: float, more: str = "") -> ValueError:
-    """Return the error for a family without a safe design."""
+    """Return the error for plants that no design makes safe."""
     result = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
     return ValueError(
         f"the model is too uncertain for this controller: a plant of its spread gives {result}, where "
@@ -166,8 +166,8 @@ def make_safe(
 ) -> tuple[Design, float]:
     """Return a design that is safe with all plants of the family, and its price.
 
-    The price is the IAE of the safe design, divided by the IAE of the design for the process alone. If there is no safe
-    design, or the price is above 3, an error with the remedy is raised.
+    The price is the IAE of the safe design, divided by the IAE of the design for the process alone. An error with the
+    remedy is raised if there is no safe design, or if the price is above 3.
     """
 
     def sizes(design: Design) -> tuple[float, float]:

@@ -25,24 +25,24 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# longest sample time over the longest time of an integrating plant, after which all except the integrator is at rest
+# largest ratio of the sample time to the longest time of an integrating plant; after so long only the integrator moves
 AT_REST = 10.0
-OTHER_UNIT = 100.0  # ratio of sample times from which on they may be in different units
+OTHER_UNIT = 100.0  # if sample times differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of the gain from noise to u, in units of `_gain_needed`
-DEFAULT_NOISE_SHARE = 0.01  # standard deviation of u by noise, as a share of the input's step in a record
+DEFAULT_NOISE_SHARE = 0.01  # default of the noise in u, as a share of the input step in a record
 MOST_MS = 5.0
-PHASE_UNKNOWN = 1e-3  # phase in rad that no model is accurate to
+PHASE_UNKNOWN = 1e-3  # phase in rad to which no model is accurate
 SPREAD = 20  # plants drawn from the uncertainty of a fit
-PRICE_WARNING = 1.5  # price of robustness in IAE from which on it is doubted
+PRICE_WARNING = 1.5  # price of robustness in IAE above which a doubt is given
 REMEDIES = (  # remedies that make a process, or a fit, more certain
     "a smaller spread would help",
     "a longer record, a larger step or several of them, or less noise would help",
 )
-LONG_TURN = 0.5  # phase of the crossover in a sample, in rad, above which the sampling is too slow
+LONG_TURN = 0.5  # if the phase at the crossover turns by more rad in a sample, the sample time is too long
 
 
 def require_sampling(process: Process, sample_time: float) -> None:
-    """Refuse a sample time within which the process has done most of its answer."""
+    """Raise an error if the process responds almost completely within one sample time."""
     poles, corners = np.abs(roots(process.den)), corner_frequencies(process)
     if not np.isfinite(process.gain()):
         limit = AT_REST / corners.min() if corners.size else math.inf
@@ -57,7 +57,7 @@ def require_sampling(process: Process, sample_time: float) -> None:
 
 
 def corner_frequencies(process: Process) -> Array:
-    """Return the frequencies of poles and zeros, and that of the dead time."""
+    """Return the corner frequencies of poles and zeros, and the reciprocal of the dead time."""
     speeds = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
     return np.append(speeds[speeds > 0], [1 / process.delay] if process.delay else [])
 
@@ -83,21 +83,23 @@ def tune(
     kind : {"PIDA", "PID", "PI"}, optional
         Kind of controller.
     ms : float, optional
-        Largest maximum sensitivity, above 1: 1.4 is cautious, 2 fast. With a sample time, that of the sampled loop.
-        Rules without a parameter for Ms (all but "optimal" and "haalman") ignore it; the result has the value reached.
+        Largest maximum sensitivity, above 1. 1.4 is cautious, 2 is fast. With a sample time it applies to the sampled
+        loop. Rules other than "optimal" and "haalman" have no parameter for Ms and ignore it. The result then contains
+        the Ms reached.
     noise_gain : float, optional
         Largest ratio of the standard deviations of u and of white measurement noise, sampled with `sample_time`. By
-        default the noise of a Fit may move u by 1 % of the record's step. A Process, or a Fit without noise, may have
-        ten times the gain from noise to u, at any frequency, that the plant needs of u for a unit of y.
+        default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without
+        noise, the gain from noise to u at any frequency is limited instead. It may be ten times the gain by which u
+        must change for a unit of y.
     sample_time : float, optional
-        Sample time of the controller that will run the design by backward differences, above 0. The design adds half of
-        it to the dead time, for the hold, and is corrected until the sampled loop has the requested Ms, to 0.1 %.
+        Sample time of the controller that will run the design by backward differences, above 0. For the hold, half of
+        it is added to the dead time. The design is corrected until the sampled loop has the requested Ms, to 0.1 %.
     rule : str, optional
         "optimal", the least IAE for loads, or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
     spread : float, optional
-        Relative error of the model: gain, time scale and dead time are varied by it, up and down. By default a Process
-        is not varied. A Fit is varied by its uncertainty and by 15 % of the gain, up or down (`Fit.plants`). The worst
-        of the twenty plants drawn from that is not a bound: a few in a hundred random plants were worse.
+        Relative error of the model, by which gain, time scale and dead time are raised and lowered. By default a
+        Process is not varied. A Fit is varied by its uncertainty, and by 15 % of the gain up or down (`Fit.plants`).
+        Its worst case is that of twenty random plants. It is not a bound, since a few in a hundred plants are worse.
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, or the lag of a sensor, which the design takes into account.
     ms_worst : float, optional
@@ -106,18 +108,18 @@ def tune(
     Returns
     -------
     Design
-        Its `info` has ``iae`` (of a load step, in units of y times time), ``ms``, ``mks`` (largest gain from noise to
-        u) and, with a sample time, ``ms_sampled``. With a spread also ``ms_worst`` (of the sampled loop, with a sample
-        time), ``iae_worst`` with the same plant, and ``price``, the IAE over that of the design without `ms_worst`.
-        ``doubts`` are reservations, ``notes`` assumptions.
+        Its `info` has ``iae`` (of a load step, in units of y times time), ``ms`` and ``mks`` (largest gain from noise
+        to u). With a sample time it also has ``ms_sampled``. With a spread it also has ``ms_worst`` (of the sampled
+        loop if there is a sample time), ``iae_worst`` with the same plant, and ``price``. The price is the IAE divided
+        by that of the design without `ms_worst`. ``doubts`` are reservations, ``notes`` are assumptions.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, a rule that does not make this kind of controller, a model outside its validity, and
-        limits that nothing satisfies. Also for a loop that is unstable with the model, a worst Ms above `ms_worst` that
-        three times the IAE does not avoid, and a Fit with a large model error and fewer poles than `kind` has
-        derivatives.
+        If an argument is out of range, the rule does not make this kind of controller, the model is outside the
+        validity of the rule, or no controller meets the limits. Also if the loop is unstable with the model, if
+        `ms_worst` costs more than three times the IAE, or if a Fit with a large model error has fewer poles than `kind`
+        has derivatives.
 
     Examples
     --------
@@ -148,7 +150,7 @@ def tune(
         if not 1 / OTHER_UNIT < (share := sample_time / recorded) < OTHER_UNIT:
             doubts.append(doubt("time unit", sample_time=sample_time, share=share, recorded=recorded))
     process = _without_short_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
-    # before the search, to refuse a spread out of range at once
+    # Compute the plants before the search, so that a spread out of range raises an error at once.
     plants = plants_within(model, process, spread)
     if plants and ms > ms_worst:
         raise ValueError(
@@ -181,13 +183,13 @@ def tune(
         doubts.append(doubt("price", price=price, remedy=remedy))
     loop = evaluator.loop(made, process)
     info: dict[str, Any] = _iae_ms_mks(loop)
-    reasons = ["", ""]  # why a sampled loop has no Ms
+    reasons = ["", ""]  # say why a sampled loop has no Ms
     if sample_time is not None:
         info["ms_sampled"], reasons[0] = evaluator.ms(made, process)
         _doubt_sampling(loop, sample_time, doubts)
     if plants:
         info["ms_worst"], reasons[1] = evaluator.worst(made, plants)
-        # Only one plant is simulated, since all twenty would take longer than the search.
+        # Simulate only the worst plant. Simulating all twenty would take longer than the search.
         worst = max(plants, key=lambda plant: evaluator.ms(made, plant).ms)
         info |= {"iae_worst": _iae_ms_mks(evaluator.loop(made, worst))["iae"], "price": price}
     info |= {"notes": tuple(notes), "doubts": (*doubts, *dict.fromkeys(filter(None, reasons)))}
@@ -195,7 +197,7 @@ def tune(
 
 
 def _as_designed_for(process: Process, sample_time: float | None, output_filter: Any) -> Process:
-    """Return the process with the filter in series and half a sample of dead time, for the hold."""
+    """Return the process with the filter in series, and with half a sample of dead time for the hold."""
     num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
     delay = process.delay + (sample_time or 0.0) / 2
     return Process(np.convolve(process.num, num), np.convolve(process.den, den), delay)
@@ -210,7 +212,7 @@ def _by_rule(
     limits: Requirements,
     remedy: str,
 ) -> tuple[Design, float]:
-    """Return a rule's design and its price. A rule that ignores Ms is taken as it is, or refused."""
+    """Return a rule's design and its price. The design of a rule that ignores Ms is accepted unchanged or refused."""
     if rule.knows_ms:
 
         def make(request: Requirements, near: Design | None) -> tuple[Design, list[str]]:
@@ -230,7 +232,7 @@ def _by_rule(
 
 
 def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
-    """Doubt a sample time that is too long for the loop, or for its filters."""
+    """Add a doubt if the sample time is too long for the loop or for the filters of the controller."""
     turn = sample_time * float(gain_crossovers(loop).max(initial=0.0))
     if turn > LONG_TURN:
         better = LONG_TURN / turn * sample_time
@@ -243,7 +245,7 @@ def _doubt_sampling(loop: Loop, sample_time: float, doubts: list[str]) -> None:
 def _noise_limits(
     model: Process | Fit, designed: Process, noise_gain: float | None, h: float | None, notes: list[str]
 ) -> dict[str, Any]:
-    """Return the limits of noise. A default is noted."""
+    """Return the limits of noise. Add a note if a default is used."""
     if noise_gain is not None and h is None:
         raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
     if noise_gain is not None:
@@ -255,14 +257,14 @@ def _noise_limits(
             f"noise gain at most {most:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
         )
         return {"noise_gain": most, "sample_time": h or model.record.sampling}
-    # the limit holds at any frequency, so it does not depend on the sample time
+    # This limit applies at any frequency, so it does not depend on the sample time.
     mks = DEFAULT_MKS * _gain_needed(designed)
     notes.append(f"gain from noise to u at most {mks:.3g} at any frequency (mks), since no limit was given")
     return {"mks": mks}
 
 
 def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
-    """Return the search for the least IAE, with the family as the design needs it."""
+    """Return a function that searches the least IAE, with the family in the form that the search needs."""
 
     def make(request: Requirements, near: Design | None) -> tuple[Design, Any]:
         family = tuple(others) if request.family else ()
@@ -273,7 +275,7 @@ def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
 
 
 def _without_short_delay(process: Process, fastest: float, doubts: list[str]) -> Process:
-    """Leave out, with a doubt, a dead time that is negligible up to a frequency."""
+    """Leave out a dead time that is negligible up to a frequency, and add a doubt that says so."""
     if not 0 < process.delay * fastest < PHASE_UNKNOWN:
         return process
     doubts.append(doubt("short delay", delay=process.delay, phase=PHASE_UNKNOWN))
@@ -281,21 +283,21 @@ def _without_short_delay(process: Process, fastest: float, doubts: list[str]) ->
 
 
 def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time: float | None) -> float:
-    """Return the highest frequency at which a loop can act, given its sampling or the default limit of noise."""
+    """Return the highest frequency at which a loop can act, given its sample time or the default limit of noise."""
     if sample_time is not None:
         return 1 / sample_time
     plain = Process(process.num, process.den)
     corners = corner_frequencies(plain)
     if rule != "optimal" or noise_gain is not None or not corners.size:
         return math.inf
-    # |T| is at most |P| times the gain from noise to u
+    # |T| is at most |P| times the gain from noise to u, so the loop acts only where this product reaches 1.
     w = _grid(corners)
     acts = DEFAULT_MKS * _gain_needed(plain) * np.abs(plain(1j * w)) >= 1
     return math.inf if acts[-1] else float(w[np.flatnonzero(acts).max(initial=0)])
 
 
 def _gain_needed(process: Process) -> float:
-    """Return what a unit of y needs of u: 1/|P| at rest or, for an integrator, where its phase has fallen by 45°."""
+    """Return the least gain from y to u: 1/|P| at rest or, for an integrator, where its phase has fallen by 45°."""
     gain = process.gain()
     if math.isfinite(gain):
         return 1 / abs(gain)
@@ -311,12 +313,12 @@ def _gain_needed(process: Process) -> float:
 
 
 def _grid(corners: Array) -> Array:
-    """Return frequencies from far below to far above the corners."""
+    """Return frequencies from far below to far above the corner frequencies."""
     return np.geomspace(1e-4 * corners.min(), 1e4 * corners.max(), 4801)
 
 
 def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: list[str]) -> None:
-    """Doubt a derivative beyond the poles of the model. Refuse it if the record shows that poles are missing."""
+    """Add a doubt if a derivative acts beyond the poles of the model. Raise if the record shows missing poles."""
     known = len(process.den) - 1
     if known >= ORDER[kind]:
         return
@@ -330,14 +332,14 @@ def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: l
 
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:
-    """Return Ms, mks and the IAE of a load step, infinite for an unstable loop."""
+    """Return Ms, mks and the IAE of a load step. All are infinite for an unstable loop."""
     if not is_stable(loop):
         return dict.fromkeys(("iae", "ms", "mks"), math.inf)
     return {"iae": load_iae(loop), "ms": max_sensitivity(loop)[0], "mks": max_control_sensitivity(loop)[0]}
 
 
 def plants_within(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:
-    """Return the plants that the design must be safe with: off by a share, or drawn from a fit."""
+    """Return the plants with which the design must be safe: perturbed by a share, or drawn from a fit."""
     if spread is None:
         return model.plants(SPREAD + 1)[1:] if isinstance(model, Fit) else []
     share = _check.real("spread", spread, above=0.0)
@@ -347,7 +349,7 @@ def plants_within(model: Process | Fit, process: Process, spread: float | None) 
 
 
 def perturbed_plants(process: Process, share: float) -> list[Process]:
-    """Return the eight plants whose gain, time scale of poles and zeros, and dead time are off by a share.
+    """Return the eight plants whose gain, time scale of poles and zeros, and dead time all differ by a share.
 
     Parameters
     ----------
@@ -359,7 +361,7 @@ def perturbed_plants(process: Process, share: float) -> list[Process]:
     Returns
     -------
     list of Process
-        Each of the three lower or higher.
+        All combinations in which each of the three is either lower or higher.
 
     Examples
     --------

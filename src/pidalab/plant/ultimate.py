@@ -1,4 +1,4 @@
-"""Gains from an ultimate gain and period, which may come from a relay experiment."""
+"""Gains from the ultimate gain and period, which a relay experiment can measure."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ RULES = {
     ("little overshoot", "PID"): (1 / 3, 0.5, 1 / 3),
     ("no overshoot", "PID"): (0.2, 0.5, 1 / 3),
 }
-SHARES = (0.2, 1.0)  # dead time over lag of the first-order models
+SHARES = (0.2, 1.0)  # ratios of dead time to lag of the first-order models
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
 SETTLED = 0.05  # relative difference allowed between the last periods
 OFF_PHASE = 10.0  # degrees that the phase may differ from -180
 
 
 class Oscillation(NamedTuple):
-    """The oscillation of a plant with a relay. ``print`` shows it with its doubts.
+    """The oscillation of a plant under relay control. ``print`` shows it with its doubts.
 
     Attributes
     ----------
@@ -42,10 +42,11 @@ class Oscillation(NamedTuple):
     amplitude : float
         Amplitude of the fundamental of the output.
     phase : float
-        Phase of the plant at this period, in degrees: -180 for a relay without hysteresis.
+        Phase of the plant at this period, in degrees. It is -180 for a relay without hysteresis.
     bias : float
-        Share of the time that u spends at its upper level: 0.5 without bias.
+        Share of the time that u spends at its upper level. It is 0.5 without bias.
     cycles : int
+        Number of measured cycles.
         Cycles measured.
     """
 
@@ -66,7 +67,7 @@ class Oscillation(NamedTuple):
 
 
 def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
-    r"""Measure the oscillation of a plant with a relay.
+    r"""Measure the oscillation of a plant under relay control.
 
     Parameters
     ----------
@@ -80,12 +81,13 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     Raises
     ------
     ValueError
-        For an input that does not switch between two levels, fewer than three cycles, or changing cycles.
+        If the input does not switch between two levels, or if there are fewer than three cycles or the cycles change.
 
     Notes
     -----
     In a steady oscillation the first Fourier coefficients over whole periods give :math:`P(j\omega) = Y_1/U_1` for any
-    form and bias of u. So :math:`K_u = |U_1/Y_1|`. The usual :math:`4 d/(\pi a)` assumes a square wave and a sine.
+    form and bias of u. Therefore :math:`K_u = |U_1/Y_1|`. The usual :math:`4 d/(\pi a)` assumes that u is a square wave
+    and y a sine.
 
     Examples
     --------
@@ -117,7 +119,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     if now.size < FEWEST_IN_CYCLE * cycles:
         raise ValueError(f"sample {FEWEST_IN_CYCLE} times or more in a period, found {now.size / cycles:.1f}")
     held = np.diff(t[rises[0] : rises[-1] + 1])
-    # the coefficient of the held u is exact; each sample of y counts for half of both intervals beside it
+    # The coefficient of the held u is exact. Each sample of y stands for half of both neighbouring intervals.
     w = 2j * np.pi / tu
     edges = np.exp(-w * t[rises[0] : rises[-1] + 1])
     first_u = np.sum(u[part] * np.diff(edges)) / (-w * np.sum(held))
@@ -130,7 +132,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
 
 
 def models_of(ku: float, tu: float) -> dict[str, Process]:
-    """Return simple plants that have an ultimate gain and period.
+    """Return simple plants that have the given ultimate gain and period.
 
     Examples
     --------
@@ -149,7 +151,7 @@ def models_of(ku: float, tu: float) -> dict[str, Process]:
 
 
 def rule_table(ku: float, tu: float) -> list[tuple[str, str, PIDA, list[float]]]:
-    """Return rule, kind, controller, and its Ms with each of `models_of`; infinite where the loop is unstable.
+    """Return rule, kind, controller, and its Ms with each of `models_of`. Ms is infinite where the loop is unstable.
 
     Examples
     --------

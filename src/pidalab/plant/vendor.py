@@ -1,4 +1,4 @@
-"""Controller parameters for the blocks that vendors sell: ideal, series and parallel form."""
+"""Convert gains to the parameters of vendors' controller blocks in ideal, series and parallel form."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ Form = dict[str, float] | str
 
 
 class VendorForms(NamedTuple):
-    """Parameters by name, or the reason why a form does not exist. ``print`` lists the forms that exist.
+    """Parameters by name for each form, or the reason why a form does not exist. ``print`` shows them.
 
     Attributes
     ----------
     ideal : dict or str
-        Kc (1 + 1/(Ti s) + Td s): ISA standard form, non-interacting.
+        Kc (1 + 1/(Ti s) + Td s), the ISA standard form, also called non-interacting.
     series : dict or str
-        Kc' (1 + 1/(Ti' s)) (1 + Td' s): classical, interacting form.
+        Kc' (1 + 1/(Ti' s)) (1 + Td' s), the classical form, also called interacting.
     parallel : dict or str
-        Kp + Ki/s + Kd s: independent gains.
+        Kp + Ki/s + Kd s, with independent gains.
     filters : str
-        Filters of the controller, which the forms do not contain, with time constants in seconds.
+        Filters of the controller with time constants in seconds. The forms do not contain filters.
     """
 
     ideal: Form
@@ -32,7 +32,7 @@ class VendorForms(NamedTuple):
     filters: str = "none"
 
     def __str__(self) -> str:
-        """List the forms that exist, and in one line those that do not."""
+        """List the forms that exist, and in a last line those that do not."""
         forms = self._asdict()
         del forms["filters"]
         missing = {name: form for name, form in forms.items() if isinstance(form, str)}
@@ -48,7 +48,7 @@ class VendorForms(NamedTuple):
 
 
 def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit: str) -> VendorForms:
-    """Return the gains as parameters of vendor blocks, with the filters; `time_unit` is that of the model."""
+    """Return gains as parameters of vendor blocks, and the filters. `time_unit` is the unit of the model's times."""
     _check.choice("time_unit", time_unit, SECONDS)
     unit = SECONDS[time_unit]
     filters = ", ".join(_filter(part, unit) for part in parts if part.filter_order) or "none"

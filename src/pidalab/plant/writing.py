@@ -8,37 +8,37 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-PREFIX = ".pidalab-"  # prefix of the hidden folder for files that are not renamed yet
+PREFIX = ".pidalab-"  # prefix of the hidden folder that holds files until they are renamed
 
 
 def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:
-    """Write texts as files of a folder: all of them, or none.
+    """Write texts as files of a folder. Write all of them or none.
 
     Parameters
     ----------
     folder : str or pathlib.Path
-        The folder; created if missing.
+        The folder, which is created if it does not exist.
     texts : mapping of str to str
-        File names and contents.
+        Contents by file name.
     replace : bool, optional
-        Replace files of the same names with other contents.
+        True to replace files of the same names even if their contents differ.
 
     Returns
     -------
     list of pathlib.Path
-        The files.
+        Paths of the files.
 
     Raises
     ------
     FileExistsError
-        If a file of one of the names has other contents, and `replace` is false.
+        If a file of one of these names has other contents, and `replace` is false.
     OSError
-        If a file cannot be written, or a folder has one of the names.
+        If a file cannot be written, or if a folder has one of these names.
 
     Notes
     -----
-    The files are first written into a hidden folder beside their places, and renamed when the last one is on the disk.
-    If the renaming is interrupted, also by Ctrl-C, earlier contents are restored.
+    The files are first written to a hidden folder beside their final places. They are renamed after the last file is on
+    the disk. If the renaming is interrupted, even by Ctrl-C, the earlier contents are restored.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
 
 
 def _rename(hidden: Path, paths: Sequence[Path]) -> None:
-    """Rename files to their places, and restore earlier files if that is interrupted."""
+    """Rename files to their final places. If this is interrupted, restore the earlier files."""
     earlier = hidden / ".earlier"
     earlier.mkdir()
     for path in paths:
@@ -88,13 +88,13 @@ def _rename(hidden: Path, paths: Sequence[Path]) -> None:
         for path in paths:
             if os.path.lexists(earlier / path.name):
                 (earlier / path.name).replace(path)
-            elif not os.path.lexists(hidden / path.name):  # it was renamed
+            elif not os.path.lexists(hidden / path.name):  # the file was renamed already
                 path.unlink()
         raise
 
 
 def refuse_others(texts: Mapping[Path, str | None]) -> None:
-    """Refuse paths that hold something other than a text. If a text is not known yet (None), refuse any file."""
+    """Raise an error if a path holds something other than its text. A text of None refuses any file."""
     others = [
         path.name or str(path)
         for path, text in texts.items()

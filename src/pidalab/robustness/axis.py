@@ -22,7 +22,7 @@ from pidalab._check import Array
 
 PER_DECADE = 120  # number of grid points per decade
 MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memory
-# Largest angle in rad by which the dead time turns the phase between two points: for peaks, and for phase crossovers.
+# Largest angle in rad by which the dead time turns the phase between two points, for peaks and for phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
 NEAR_POSITIVE_AXIS = 0.5
@@ -157,7 +157,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
         before, least, after = function(place + three)
         slope, bend = after - before, after - 2 * least + before
         low, high = np.where(slope < 0, place, low), np.where(slope < 0, high, place)
-        with np.errstate(divide="ignore", invalid="ignore"):  # The function may be constant.
+        with np.errstate(divide="ignore", invalid="ignore"):  # the function may be constant
             last, place = place, place - 0.5 * apart * slope / bend
         newton = (bend > 0) & (low <= place) & (place <= high)
         place = np.where(newton, place, 0.5 * (low + high))

@@ -72,7 +72,7 @@ class SampledPlant(NamedTuple):
 
 
 def sampled_plant(process: Process, h: float) -> SampledPlant:
-    """Discretise a process with a held input, with exact dead time."""
+    """Discretise a process with a held input and its exact dead time."""
     A, b, c, d = realise(process.num, process.den)
     if process.delay > LONGEST_DELAY * h:
         raise ValueError(

@@ -71,7 +71,7 @@ class LinearPart(NamedTuple):
     zeros, poles : ndarray of complex
         Zeros and poles of the rational part of F, without a pole at 0.
     reset_time : float
-        T_i of the reset F_r = 1/(1 + T_i s), infinite without a reset.
+        T_i of the reset F_r = 1/(1 + T_i s). It is infinite without a reset.
     """
 
     forward: Process
@@ -86,12 +86,12 @@ class LinearPart(NamedTuple):
 
     @property
     def integrates(self) -> bool:
-        """Return True if F has a pole at 0."""
+        """True if F has a pole at 0."""
         return bool(self.forward.den[-1] == 0)
 
     @property
     def gain(self) -> float:
-        """Return the ratio of the leading coefficients of F."""
+        """Ratio of the leading coefficients of F."""
         return float(self.forward.num[0] / self.forward.den[0])
 
 
@@ -114,7 +114,7 @@ class Criterion(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Return True if the margin is certainly positive."""
+        """True if the margin is certainly positive."""
         return self.margin > TOLERANCE
 
 
@@ -152,7 +152,7 @@ def linear_part(loop: Loop) -> LinearPart:
     reset = loop.automatic_reset
     if reset is None:
         ti, controller = math.inf, loop.blocks["controller"]
-    else:  # Without the reset this is the stabilising controller.
+    else:  # without the reset this is the stabilising controller
         ti, controller = reset.time, (reset.stabiliser, binomial(reset.filter_time, reset.filter_order))
     num, den, zeros, poles = np.ones(1), np.ones(1), [], []
     for own_num, own_den in (controller, loop.blocks["process"], loop.blocks["output_filter"]):
@@ -191,12 +191,12 @@ def circle(loop: Loop) -> Criterion:
     Returns
     -------
     Criterion
-        With the multiplier 0.
+        Criterion with the multiplier 0.
 
     Raises
     ------
     ValueError
-        For a loop to which the criterion does not apply.
+        If the criterion does not apply to the loop.
     ArithmeticError
         If there are too many turns of the phase to follow.
 
@@ -230,7 +230,7 @@ def popov(loop: Loop) -> Criterion:
     Raises
     ------
     ValueError
-        For a loop to which the criterion does not apply.
+        If the criterion does not apply to the loop.
     ArithmeticError
         If there are too many turns of the phase to follow.
 

@@ -100,7 +100,7 @@ class Margins:
 
 
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
-    """Return the maximum sensitivity Ms and its frequency, also for an unstable loop.
+    """Return the maximum sensitivity Ms and its frequency, even for an unstable loop.
 
     For a loop with a `DigitalController`, Ms is computed at the samples, as in `margins`.
 
@@ -118,7 +118,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
 
 
 def ms_or_infinite(loop: Loop) -> float:
-    """Return the maximum sensitivity. Return infinity for an unstable loop."""
+    """Return the maximum sensitivity, or infinity for an unstable loop."""
     return max_sensitivity(loop)[0] if is_stable(loop) else math.inf
 
 
@@ -152,7 +152,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
         at_zero = abs(1 / static) if static else math.inf
-    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant at infinite frequency.
+    if len(c_num) + len(f_num) == len(c_den) + len(f_den):  # C S tends to a constant at infinite frequency
         at_end = abs(loop.transfer("u", "n", 1j * axis.grid[-1]))
     return axis.supremum(SENSITIVITY, at_zero, float(at_end), controller.modulus)
 
@@ -208,7 +208,7 @@ def bandwidth(loop: Loop) -> float:
     Returns
     -------
     float
-        Bandwidth in rad per time unit, inf if \|T\| never falls by 3 dB.
+        Bandwidth in rad per time unit. It is inf if \|T\| never falls by 3 dB.
 
     Raises
     ------
@@ -250,8 +250,7 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     loop : Loop
         The loop.
     quietest : float, optional
-        A continuous loop with dead time has infinitely many phase crossovers. Those with \\|L\\| below `quietest` are
-        left out.
+        Least \\|L\\| of a returned crossover. (A continuous loop with dead time has infinitely many phase crossovers.)
 
     Returns
     -------
@@ -289,7 +288,7 @@ def margins(loop: Loop) -> Margins:
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
 
     Examples
     --------
@@ -371,7 +370,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     Raises
     ------
     TypeError
-        For a loop with a digital controller.
+        If the controller is digital.
     ValueError
         If `ms` is not above 1, or if there is no such factor.
 
@@ -393,7 +392,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     def stable(k: float) -> bool:
         try:
             return count_unstable(axis.scaled(k)) == 0
-        except ArithmeticError:  # If the phase turns too often, the loop is far from stable.
+        except ArithmeticError:  # if the phase turns too often, the loop is far from stable
             return False
 
     # The ends of the axis count, too. At infinite frequency L is not 0 if process and controller are biproper.

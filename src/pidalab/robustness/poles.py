@@ -47,7 +47,7 @@ def unstable_poles(loop: Loop) -> float:
     Raises
     ------
     ValueError
-        For an ill-posed loop: no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
     ArithmeticError
         If a pole is too close to the stability limit to be counted.
 
@@ -149,7 +149,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     delay, nodes = loop.process.delay, 32
     loop, factors = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(from_factors(factors).at_end))  # The poles of a neutral loop approach this line.
+        chain = np.log(abs(from_factors(factors).at_end))  # poles of a neutral loop approach this line
     while nodes <= MOST_NODES:
         poles = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, poles.size) + 1):
@@ -181,7 +181,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
         return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
     s = np.roots(
         np.polyadd(num, den)
-    )  # The first approximation, which may scatter where `roots` would raise an error.
+    )  # a first approximation; its roots may scatter where `roots` would raise an error
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, factors)
@@ -260,7 +260,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     D = (D - np.diag(D.sum(axis=1))) * 2
     generator = np.zeros((order + nodes, order + nodes))
     generator[:order, :order] = A
-    generator[:order, -1] = -np.eye(1, order)  # The input is minus the output of the loop one dead time ago.
+    generator[:order, -1] = -np.eye(1, order)  # the input is minus the output of the loop one dead time ago
     generator[order:, order:] = D[1:, 1:]
     generator[order:, :order] = np.outer(D[1:, 0], c)
     generator[order:, -1] -= direct * D[1:, 0]
@@ -269,7 +269,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
-    """Refine poles by Newton's method on the characteristic function, and drop those that do not solve it."""
+    """Refine poles by Newton's method on the characteristic function. Drop poles that do not solve it."""
     num, den = open_loop(loop)
     slope_num, slope_den = np.polyder(num), np.polyder(den)
     start = best = s = approximate[approximate.real > -FARTHEST]

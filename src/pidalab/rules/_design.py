@@ -1,4 +1,4 @@
-"""The result of every rule's `tune`."""
+"""The design, which is the result of every rule's `tune`."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ if TYPE_CHECKING:
 class Design:
     """A controller with its filters, its model and its source.
 
-    Every rule's ``tune`` returns one. Further results of the rule, such as a predicted IAE, are in `info`, and each
-    entry is an attribute, too: ``design.iae``. For every rule, ``design.ms`` is the maximum sensitivity of its loop,
-    infinite if the loop is unstable; a requested value is ``ms_asked``.
+    Every rule's ``tune`` returns a design. `info` contains further results of the rule, such as a predicted IAE. Each
+    entry of `info` is also an attribute, such as ``design.iae``. ``design.ms`` is always the maximum sensitivity of the
+    loop, which is infinite if the loop is unstable. A requested value is called ``ms_asked``.
 
     Parameters
     ----------
     model : Process, MeasuredAreas or ndarray
-        The model that the rule was given, or areas in the case of the magnitude optimum.
+        The model that was given to the rule. For the magnitude optimum it may be areas.
     controller : controller
-        From control error to control signal, with its own filters.
+        Controller from the control error to the control signal, with its own filters.
     prefilter : control.TransferFunction, optional
-        Filter of the set point; None for none.
+        Filter of the set point. None if there is no filter.
     output_filter : OutputFilter or control.TransferFunction, optional
-        Filter of the control signal, inside the loop; None for none.
+        Filter of the control signal inside the loop. None if there is no filter.
     source : str
         Paper and equations of the rule.
     info : mapping, optional
-        Further results, by name.
+        Further results by name.
     sources : mapping, optional
-        Sources of single entries of `info`, by the same names.
+        Sources of single entries of `info` by the same names.
 
     Examples
     --------
@@ -93,17 +93,17 @@ class Design:
         Parameters
         ----------
         process : Process, optional
-            The process to control; by default the model.
+            The process to control. By default the model.
 
         Returns
         -------
         Loop
-            With controller, output filter and prefilter.
+            Loop with controller, output filter and prefilter.
 
         Raises
         ------
         TypeError
-            Without a process, for a design that was made from areas.
+            If no process is given and the design was made from areas.
 
         Examples
         --------
@@ -118,15 +118,15 @@ class Design:
         return Loop(plant, self.controller, self.output_filter, self.prefilter)
 
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
-        """Return the digital controller for a sample time, with output filter and prefilter.
+        """Return the digital controller for a sample time, including output filter and prefilter.
 
-        If the output filter describes a sensor (as in `pidalab.tune`), it is not part of the controller. Then use
-        ``design.controller.discretise``.
+        If the output filter describes a sensor (as in `pidalab.tune`), it is not part of the controller. In this case
+        use ``design.controller.discretise``.
 
         Parameters
         ----------
         sample_time : float
-            Time from sample to sample, above 0.
+            Time between samples, above 0.
         method : {"backward", "tustin", "zoh"}, optional
             As in `pidalab.digital.discretise`.
         **options : optional
@@ -135,7 +135,7 @@ class Design:
         Returns
         -------
         DigitalController
-            With ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
+            Digital controller with ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class Design:
         return self.controller.discretise(sample_time, method, self.output_filter, **options)
 
     def vendor_forms(self, time_unit: str = "s") -> VendorForms:
-        """Return the controller as parameters of vendor blocks, with all filters of the design.
+        """Convert the controller to parameters of vendor blocks, and list all filters of the design.
 
         Parameters
         ----------
@@ -166,12 +166,12 @@ class Design:
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes, or the reason why one does not exist.
+            Ideal, series and parallel form, with times in seconds and minutes. A form that does not exist says why.
 
         Raises
         ------
         ValueError
-            For another unit.
+            If the unit is another.
 
         Examples
         --------
@@ -203,7 +203,7 @@ class Design:
 
 
 def _block(block: Any) -> str:
-    """Write a block on one line, with six digits; a transfer function by its coefficients."""
+    """Write a block on one line with six digits. A transfer function is written as its coefficients."""
     if isinstance(block, Process) or hasattr(block, "fraction") or not hasattr(block, "num"):
         return six_digits(repr(block))
     num, den = (", ".join(f"{c:.6g}" for c in part) for part in rational("block", block))
@@ -211,7 +211,7 @@ def _block(block: Any) -> str:
 
 
 def _value(value: Any) -> str:
-    """Write a value of `info`: numbers with six digits."""
+    """Write a value of `info`, with numbers of six digits."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, tuple) and all(isinstance(x, float) for x in value):

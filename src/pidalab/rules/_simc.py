@@ -1,4 +1,4 @@
-"""SIMC: PI and PID for a model that the half rule reduces to one lag or two."""
+"""SIMC rules for PI and PID controllers, with a half rule that reduces the model to one or two lags."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from pidalab.process import Process, require_process
 from pidalab.roots import roots
 from pidalab.rules._design import Design
 
-# largest relative imaginary part of a real pole, since rounding splits multiple poles
+# A pole counts as real up to this relative imaginary part, since rounding splits multiple poles.
 OSCILLATING = 0.05
-# largest ratio of the time constants of a zero and a shorter lag that are paired
+# A zero is paired with a shorter lag up to this ratio of their time constants.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
-MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # iterations for the effective dead time, and their tolerance
+MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # limit and tolerance of the iteration for the effective dead time
 
 
 def simc(
     model: Process, kind: str = "PID", *, closed_loop_time: float | None = None, n: float = 10
 ) -> Design:
-    r"""Design a PI or PID controller by SIMC, for a model reduced by the half rule.
+    r"""Design a PI or PID controller by SIMC, after the half rule has reduced the model.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \tau_2
 
-    in series form; an integrator counts as an infinite lag. Half of the largest neglected lag is added to the smallest
-    kept lag. The other half, all smaller lags and the zeros in the right half-plane are added to the dead time. A zero
-    in the left half-plane is cancelled against a lag near it (rules T1 to T3). A pure dead time gets an integral
-    controller, a double integrator a PID controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and
-    :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
+    The controller is in series form. An integrator counts as an infinite lag. Half of the largest neglected lag is
+    added to the smallest kept lag. The other half, all smaller lags and the zeros in the right half-plane are added to
+    the dead time. A zero in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). For a pure dead
+    time the result is an integral controller. For a double integrator it is a PID controller with
+    :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     ==================  ==================
     Skogestad (2003)    here
@@ -45,24 +45,24 @@ def simc(
     Parameters
     ----------
     model : Process
-        Real stable lags, real zeros other than 0, at most two integrators; dead time.
+        Process with real stable lags, real zeros other than 0, at most two integrators, and dead time.
     kind : {"PI", "PID"}, optional
-        Which controller.
+        Kind of controller.
     closed_loop_time : float, optional
-        Wanted time constant of the closed loop, above 0; by default the effective dead time, as recommended.
+        Time constant of the closed loop, above 0. By default the effective dead time, as the paper recommends.
     n : float, optional
-        Ratio of derivative time and its filter.
+        Derivative time, divided by the time constant of its filter.
 
     Returns
     -------
     Design
-        Its `info`: ``gain``, ``lags`` and ``delay`` of the model after the half rule, and ``closed_loop_time``.
+        Its `info` has ``gain``, ``lags`` and ``delay`` of the reduced model, and ``closed_loop_time``.
 
     Raises
     ------
     ValueError
-        For a model without dead time in any sense (a single lag and no `closed_loop_time`), a PI controller of two
-        integrators, and outside what is allowed above.
+        If `closed_loop_time` is missing for a model without effective dead time (a single lag), if a PI controller is
+        requested for two integrators, or if the model has another structure than allowed above.
 
     Examples
     --------
@@ -91,36 +91,37 @@ def simc(
 
 
 def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: float = 10) -> Design:
-    r"""Design a controller by improved SIMC: SIMC's PI in series with a derivative time of a third of the dead time.
+    r"""Design a controller by improved SIMC: a PI controller, with a derivative time of a third of the dead time.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
 
-    A pure dead time gets a PI controller, :math:`k_i = 1/(K (\tau_c + \theta))` and :math:`k_p = k_i\,\theta/3`.
+    The form is the series form. For a pure dead time the result is a PI controller with
+    :math:`k_i = 1/(K (\tau_c + \theta))` and :math:`k_p = k_i\,\theta/3`.
 
     Parameters
     ----------
     model : Process
-        As for `simc`, with at most one integrator; dead time. The half rule brings it to one lag.
+        As for `simc`, but with at most one integrator. The half rule reduces it to one lag.
     closed_loop_time : float, optional
-        τ_c, above 0; by default half of the effective dead time, which the derivative allows.
+        τ_c, above 0. By default half of the effective dead time. The derivative action allows so small a value.
     n : float, optional
-        Ratio of derivative time and its filter.
+        Derivative time, divided by the time constant of its filter.
 
     Returns
     -------
     Design
-        Its `info`: ``gain``, ``lags`` and ``delay`` of the model after the half rule, and ``closed_loop_time``.
+        Its `info` has ``gain``, ``lags`` and ``delay`` of the reduced model, and ``closed_loop_time``.
 
     Raises
     ------
     ValueError
-        As `simc`, and for two integrators.
+        As for `simc`, and for two integrators.
 
     Notes
     -----
-    The rule is from the abstract of Grimholt and Skogestad (2018). The paper itself was not available. The default of
-    τ_c is our choice. Without filter, a lag with dead time then has Ms from 1.65 to 1.73, about as with `simc`.
+    The rule is taken from the abstract of Grimholt and Skogestad (2018), since the paper itself was not available. The
+    default of τ_c is our choice. It gives a lag with dead time Ms from 1.65 to 1.73 without filter, much as `simc`.
 
     Examples
     --------
@@ -153,7 +154,7 @@ def _closed_loop_time(asked: float | None, usual: float) -> float:
 
 
 def _series_pi(reduced: Reduced, reach: float) -> tuple[float, float]:
-    """Return gain and integral time of SIMC for one lag or an integrator, an infinite lag, eq. (25)."""
+    """Return gain and integral time of SIMC for one lag, eq. (25). An integrator is an infinite lag."""
     first, velocity = (math.inf, reduced.gain)
     if not reduced.integrators:
         first, velocity = reduced.lags[0], reduced.gain / reduced.lags[0]
@@ -161,13 +162,13 @@ def _series_pi(reduced: Reduced, reach: float) -> tuple[float, float]:
 
 
 def _from_series(kc: float, ti: float, td: float, n: float) -> PIDA:
-    """Return the controller in standard form for one in series form."""
+    """Convert a controller from series form to standard form."""
     factor = 1 + td / ti
     return PIDA(kc * factor, ti * factor, td / factor, 0.0, n)
 
 
 class Reduced(NamedTuple):
-    """A model reduced by the half rule."""
+    """A model that the half rule has reduced."""
 
     gain: float  # static gain, or gain of the integrators
     lags: tuple[float, ...]
@@ -180,10 +181,11 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 
     Notes
     -----
-    The rule for a zero in the left half-plane depends on the effective dead time, which depends on the rule. So the
-    reduction is repeated until the dead time stays the same. There may be several such dead times, and the paper does
-    not name a start. Here it is the dead time of the model or, without one, that of the lags alone. This start gives
-    the examples of the paper. If the iteration is periodic, the longest dead time is used, to be cautious.
+    The rule for a zero in the left half-plane depends on the effective dead time, which depends on this rule. Therefore
+    the reduction is repeated until the dead time no longer changes. The paper does not say where to start, and several
+    dead times may be consistent. Here the start is the dead time of the model or, if there is none, that of the lags
+    alone. This start reproduces the examples of the paper. If the iteration is periodic, the longest dead time is used,
+    which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -212,9 +214,9 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 def _without_leads(
     gain: float, lags: list[float], leads: list[float], integrators: int, delay: float
 ) -> tuple[float, list[float], int]:
-    """Replace each zero in the left half-plane and a lag near it by a gain, and in rule T3 a shorter lag.
+    """Replace each zero in the left half-plane and a lag of similar size by a gain or, in rule T3, by a shorter lag.
 
-    These are the rules T1 to T3 of Skogestad (2003), section 2.2. An integrator counts as an infinite lag.
+    The rules T1 to T3 are in section 2.2 of Skogestad (2003). An integrator counts as an infinite lag.
     """
     lags = list(lags)
     for lead in leads:
@@ -225,7 +227,7 @@ def _without_leads(
             lags.remove(shorter)
             gain *= lead / shorter if shorter >= delay else max(lead / delay, 1.0)
             continue
-        kept = min(longer, max(5 * delay, lead))  # T3; equal to the lead in T2
+        kept = min(longer, max(5 * delay, lead))  # rule T3; in rule T2 this equals the lead
         left_over = kept - lead
         if math.isinf(longer):
             integrators -= 1
@@ -238,11 +240,11 @@ def _without_leads(
 
 
 def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep: int) -> Reduced:
-    """Add half of the largest neglected lag to the smallest kept one, all the rest to the dead time."""
+    """Add half of the largest neglected lag to the smallest kept lag, and the rest to the dead time."""
     split = max(keep - integrators, 0)
     kept, neglected = lags[:split], lags[split:]
     if neglected:
-        if kept:  # added to an integrator it has no effect
+        if kept:  # has no effect if the smallest kept lag is an integrator
             kept[-1] += neglected[0] / 2
         dead += sum(neglected) - neglected[0] / 2
     return Reduced(gain, tuple(kept), dead, integrators)

@@ -1,20 +1,21 @@
 r"""Series PI, PID and PIDA controllers with automatic reset for an integrator with dead time (huba2024).
 
-The controller that puts m + 3 poles of the loop at one place is known in parallel form: `pidalab.rules.mrdp`. Its
-numerator N(x), with :math:`x = T_d s`, is split into the stabilising controller and the reset,
+The module `pidalab.rules.mrdp` gives the controller in parallel form that places m + 3 poles of the loop at one point.
+Here its numerator N(x), with :math:`x = T_d s`, is factored into the stabilising controller and the reset,
 
 .. math:: N(x) = \frac{\kappa}{\tau_i} (1 + \tau_D x + \tau_A x^2)(1 + \tau_i x).
 
-The reset takes the real zero farthest from 0, so the shortest time constant: PI has one zero, PID two and PIDA one,
+The reset takes the real zero that is farthest from 0, so its time constant is the shortest. PI has one zero, PID has
+two real zeros, and PIDA has one real zero,
 
 .. math:: -\tfrac{1}{\tau_i} = y - 3, \qquad y = \sqrt[3]{5 + 2\sqrt 6} + \sqrt[3]{5 - 2\sqrt 6},
 
-in addition to the complex pair with the real part :math:`-3 - y/2`. That reset is slow. PIDA_1 drops the imaginary
-part, which leaves a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and gives one of the two
-to the reset, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), come from a search and
-are printed data.
+and a complex pair with the real part :math:`-3 - y/2`. The reset of this PIDA is slow. PIDA_1 sets the imaginary part
+of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and the reset
+takes one of the two zeros, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), are
+printed in the paper as the result of a search.
 
-A `Setting` holds these numbers without dimension, and `tune` makes a controller of any setting.
+A `Setting` contains these numbers without dimension. `tune` converts any setting to a controller.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ class Setting(NamedTuple):
     Attributes
     ----------
     name : str
-        As the paper calls it.
+        Name of the setting in the paper.
     source : str
         Equations of huba2024.
     lag : float
-        τ_0 = T_0/T_d, dominant time constant of the loop. For changed settings that of the MRDP controller which they
-        come from.
+        τ_0 = T_0/T_d, dominant time constant of the loop. For PIDA_1, PIDA_2 and PPM-PIDA it is that of the MRDP
+        controller from which they are derived.
     kp, kd, ka : float
         Gains of the stabilising controller: K_p K_s T_d, K_d K_s and K_a K_s / T_d.
     ti : float
@@ -72,7 +73,7 @@ class Setting(NamedTuple):
 
 
 def multiple_pole(m: int) -> Setting:
-    """Return the setting of PI, PID or PIDA with m + 3 equal poles of the loop without filter, eqs. (14)-(19), Table 1.
+    """Return the setting of PI, PID or PIDA that gives the loop without filter m + 3 equal poles, eqs. (14)-(19).
 
     Parameters
     ----------
@@ -82,12 +83,12 @@ def multiple_pole(m: int) -> Setting:
     Returns
     -------
     Setting
-        From the closed form of `pidalab.rules.mrdp.constants`, factored with the shortest reset.
+        Setting with the shortest possible reset, computed from `pidalab.rules.mrdp.constants` (Table 1 of the paper).
 
     Raises
     ------
     ValueError
-        For another m.
+        If m is not 0, 1 or 2.
 
     Examples
     --------
@@ -113,18 +114,18 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Parameters
     ----------
     ratio : float, optional
-        Time constant of the double zero relative to its own value, `TAU_2` = 0.2322, above 0: 1 gives PIDA_1, 1.5 gives
-        PIDA_2. Figure 2 has ``ratio * TAU_2`` from 0.16 to 0.42.
+        Time constant of the double zero, divided by `TAU_2` = 0.2322, above 0. 1 gives PIDA_1, 1.5 gives PIDA_2. The
+        paper's Fig. 2 shows ``ratio * TAU_2`` from 0.16 to 0.42.
 
     Returns
     -------
     Setting
-        From the exact zeros, not from the printed ones.
+        Setting computed from the exact zeros, not from the printed ones.
 
     Raises
     ------
     ValueError
-        For a ratio that is not above 0.
+        If the ratio is not above 0.
 
     Examples
     --------
@@ -141,7 +142,7 @@ def double_zero(ratio: float = 1.0) -> Setting:
 
 
 PI, PID, MRDP_PIDA = (multiple_pole(m) for m in range(3))
-# the pair of zeros of the stabilising controller has the real part -kd/(2 ka)
+# The pair of zeros of the stabilising controller has the real part -kd/(2 ka).
 TAU_2 = 2 * MRDP_PIDA.ka / MRDP_PIDA.kd
 PIDA_1, PIDA_2 = double_zero(), double_zero(1.5)
 PPM_PIDA = Setting("PPM-PIDA", "eq. (25), printed", MRDP_PIDA.lag, kp=0.17, kd=0.45, ka=0.1157, ti=0.36)
@@ -159,8 +160,8 @@ def tune(
 ) -> Design:
     r"""Design a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
 
-    The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`, in which
-    :math:`T_e = n N T_f` represents the filter, eqs. (10) and (11).
+    The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`. The part :math:`T_e = n N T_f`
+    represents the filter, eqs. (10) and (11).
 
     ============  ====================
     huba2024      argument
@@ -175,37 +176,37 @@ def tune(
     Parameters
     ----------
     model : Process
-        Velocity gain and dead time: `ipdt`.
+        Integrator with dead time, see `ipdt`.
     setting : Setting
-        PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1, PIDA_2 of this module (the dictionary SETTINGS has them by name), or one
-        made by `multiple_pole` or `double_zero`.
+        PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1 or PIDA_2 of this module, or the result of `multiple_pole` or
+        `double_zero`. The dictionary SETTINGS contains the first six by name.
     n : int
         Order of the filter, at least 1 and at least that of the highest derivative.
     filter_time : float
         Time constant of the filter, above 0.
     weight : float, optional
-        N, from 0.5 (half rule) to 1 (average residence time, the default); 0 for a model that was identified behind the
-        filter and so contains its delay, as in sec. 3.1.
+        N, from 0.5 (half rule) to 1 (average residence time, the default). Use 0 if the model was identified from the
+        filtered output, since it then includes the delay of the filter (sec. 3.1).
     cancelled : int, optional
-        Number of poles at -1/T_0 that the prefilter cancels: 0 (the default) as in eq. (21), or 1 as in eq. (22), which
-        is faster.
+        Number of poles at -1/T_0 that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives eq. (22), which is
+        faster.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 
     Returns
     -------
     Design
-        Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` runs its
-        loop with the limits, all other functions the linear loop between them. The filter is a part of the controller,
-        so the set point passes it, too; the paper does not say whether it does. That makes no difference for load and
-        noise. Its `info`: the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that
-        represents it, 0 where the dead time of the model contains it; the total dead time ``delay``; ``kp``, ``kd``,
-        ``ka`` and ``ti`` of controller and reset; ``lead``, b_1 of the prefilter.
+        Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` applies
+        the limits. All other functions use the linear loop within the limits. The filter is part of the controller, so
+        it also filters the set point. The paper does not say if it should, but load and noise responses are not
+        affected. `info` has the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that
+        represents the filter, or 0 if the model includes it; the total dead time ``delay``; ``kp``, ``kd``, ``ka`` and
+        ``ti`` of controller and reset; and ``lead``, b_1 of the prefilter.
 
     Raises
     ------
     TypeError, ValueError
-        For a model of another structure, anything but a setting, and numbers outside their ranges.
+        If the model has another structure, `setting` is not a setting, or a number is out of its range.
 
     Examples
     --------
@@ -260,7 +261,7 @@ def tune(
 
 
 def _prefilter(controller: SeriesPIDA, lead: float) -> control.TransferFunction:
-    """Return F_p, eq. (20), which cancels the zeros of the controller."""
+    """Return the prefilter F_p, eq. (20), which cancels the zeros of the controller."""
     stabiliser = [controller.ka / controller.kp, controller.kd / controller.kp, 1.0]
     den = np.convolve(_check.polynomial("gains", stabiliser), [controller.ti, 1.0])
     import control

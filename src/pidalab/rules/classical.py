@@ -1,8 +1,8 @@
 r"""Well-known rules: SIMC, AMIGO, lambda tuning, both rules of Ziegler and Nichols, Chien-Hrones-Reswick.
 
-Each starts from the model of its authors: a lag or an integrator with dead time, a second lag for SIMC's PID, or the
-ultimate gain and period. All give PI or PID controllers in standard form, with a derivative filter of a tenth of the
-derivative time.
+Each rule starts from the model of its authors. This is a lag or an integrator with dead time, two lags with dead time
+for the PID controller of SIMC, or the ultimate gain and period. All rules give PI or PID controllers in standard form.
+The time constant of the derivative filter is a tenth of the derivative time.
 
 ==========================  =================================================================  ===========
 function                    source                                                             models
@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# PI and PID: kp a with a = K L/T, ti/L for load and ti/T for setpoint, td/L
+# Values for PI and PID: kp a with a = K L/T, then ti/L for load and ti/T for setpoint, then td/L.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
@@ -57,14 +57,14 @@ CHIEN_HRONES_RESWICK = {
 
 
 def amigo(model: Process, kind: str = "PID") -> Design:
-    r"""Design by AMIGO: PI or PID with a maximum sensitivity near 1.4, fitted by its authors to 134 processes.
+    r"""Design a PI or PID controller by AMIGO, for a maximum sensitivity near 1.4.
 
     Parameters
     ----------
     model : Process
-        `fopdt` or `ipdt`, with dead time above 0.
+        `fopdt` or `ipdt` with dead time above 0.
     kind : {"PI", "PID"}, optional
-        Which controller.
+        Kind of controller.
 
     Returns
     -------
@@ -73,12 +73,12 @@ def amigo(model: Process, kind: str = "PID") -> Design:
     Raises
     ------
     ValueError
-        For another model, or one without dead time.
+        If the model has another structure or no dead time.
 
     Notes
     -----
-    The PI rule keeps Ms near 1.4 on lag-dominated and balanced processes. Its authors warn that the PID rule is
-    conservative where the dead time dominates.
+    The authors fitted the rule to 134 processes. Its PI controllers keep Ms near 1.4 if the dead time does not
+    dominate. The authors warn that the PID controllers are conservative if the dead time dominates.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def amigo(model: Process, kind: str = "PID") -> Design:
 
 
 def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float | None = None) -> Design:
-    r"""Design by lambda tuning: cancel the lag, and give the closed loop a chosen time constant.
+    r"""Design by lambda tuning, which cancels the lag and gives the closed loop a chosen time constant.
 
     .. math:: \text{PI: } k_p = \frac{T}{K(\lambda + L)},\; t_i = T; \qquad
               \text{PID: } k_p = \frac{T + L/2}{K(\lambda + L/2)},\; t_i = T + \frac L2,\; t_d = \frac{TL}{2T + L}
@@ -112,9 +112,9 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
     model : Process
         `fopdt`.
     kind : {"PI", "PID"}, optional
-        Which controller.
+        Kind of controller.
     closed_loop_time : float, optional
-        λ, above 0; by default the lag, the "aggressive" choice of the book.
+        λ, above 0. By default the lag, which the book calls the aggressive choice.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
     Raises
     ------
     ValueError
-        For another model.
+        If the model has another structure.
 
     Examples
     --------
@@ -142,14 +142,16 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
 
 
 def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
-    r"""Design by Ziegler and Nichols' first rule, from the steepest tangent of a step response, fast and little damped.
+    r"""Design by the first rule of Ziegler and Nichols, from the steepest tangent of a step response.
+
+    The response is fast and has little damping.
 
     Parameters
     ----------
     model : Process
-        `fopdt` or `ipdt` with dead time above 0; its tangent has the slope R = K/T, or the velocity gain.
+        `fopdt` or `ipdt` with dead time above 0. The slope R of its tangent is K/T or the velocity gain.
     kind : {"PI", "PID"}, optional
-        Which controller.
+        Kind of controller.
 
     Returns
     -------
@@ -158,7 +160,7 @@ def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
     Raises
     ------
     ValueError
-        For another model, or one without dead time.
+        If the model has another structure or no dead time.
 
     Examples
     --------
@@ -175,25 +177,25 @@ def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
 
 
 def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
-    r"""Design by Ziegler and Nichols' second rule, from ultimate gain and period.
+    r"""Design by the second rule of Ziegler and Nichols, from ultimate gain and period.
 
     Parameters
     ----------
     process : Process
-        Stable or integrating, with a phase that reaches -180 degrees.
+        Stable or integrating process with a phase that reaches -180 degrees.
     kind : {"PI", "PID"}, optional
-        Which controller.
+        Kind of controller.
 
     Returns
     -------
     Design
-        Its `info`: ``ultimate_gain`` and ``ultimate_period``.
+        Its `info` has ``ultimate_gain`` and ``ultimate_period``.
 
     Raises
     ------
     ValueError
-        For a process without ultimate gain: its phase never reaches -180 degrees, it is unstable, or every gain makes
-        it unstable, as with a double integrator.
+        If the process has no ultimate gain. Its phase then never reaches -180 degrees, it is unstable, or every gain
+        makes it unstable (as with a double integrator).
 
     Examples
     --------
@@ -212,9 +214,10 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
 
 
 def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0, kind: str = "PID") -> Design:
-    r"""Design by Chien, Hrones and Reswick's rule: the fastest response with an overshoot of 0 % or 20 %.
+    r"""Design by the rule of Chien, Hrones and Reswick, for the fastest response with an overshoot of 0 % or 20 %.
 
-    With :math:`a = K L/T`, as quoted from Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2:
+    With :math:`a = K L/T`, the settings quoted in Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2,
+    are
 
     ========  =========  ========  =====  =========  =====  ======
     step      overshoot  PI: a kp  ti     PID: a kp  ti     td
@@ -230,11 +233,11 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     model : Process
         `fopdt` with dead time L above 0, lag T and gain K.
     test : {"load", "setpoint"}, optional
-        Step for which the rule was made.
+        Step for which the settings were made.
     overshoot : {0, 20}, optional
-        In per cent.
+        Overshoot in per cent.
     kind : {"PI", "PID"}, optional
-        Which controller.
+        Kind of controller.
 
     Returns
     -------
@@ -243,19 +246,20 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     Raises
     ------
     ValueError
-        For another model, one without dead time, and another test, overshoot or kind.
+        If the model has another structure or no dead time, or if test, overshoot or kind is unknown.
 
     Notes
     -----
-    The original paper was not available. All eight settings are as an independent public program quotes the table;
-    several sources agree on those for the set point. Copies with more digits have ti = 1.16 T (set point 0 %, PI), ti
-    = 1.357 T and td = 0.473 L (set point 20 %, PID), ti = 2.357 L (load 0 %, PID). German textbooks round 1.357 T to
-    1.35 T.
+    The original paper was not available. An independent public program quotes all eight settings as in this table, and
+    several sources agree on the settings for the set point. Copies with more digits have ti = 1.16 T (set point 0 %,
+    PI), ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %, PID). German textbooks round
+    1.357 T to 1.35 T.
 
-    The authors used an analogue computer and a lag with dead time. With that model, a filter of td/10 and T/L from 4 to
-    50, exact simulation gives the following overshoots. Settings for 0 %: at most 2 % after a set-point step. After a
-    load step 0 % (PI) and up to 9 % (PID) of the largest deviation. Settings for 20 %: 11.6 % (PI) and 27 to 39 % (PID)
-    after a set-point step; 9 to 40 % (PI) and 5 to 11 % (PID) after a load step. The percentages are only names.
+    The authors used an analogue computer and a lag with dead time. Exact simulation with this model, a filter of td/10
+    and T/L from 4 to 50 gives other overshoots than the names say. With the settings for 0 %, the overshoot after a
+    set-point step is at most 2 %. After a load step it is 0 % (PI) and up to 9 % (PID) of the largest deviation. With
+    the settings for 20 %, it is 11.6 % (PI) and 27 to 39 % (PID) after a set-point step. After a load step it is 9 to
+    40 % (PI) and 5 to 11 % (PID).
 
     Examples
     --------
@@ -277,7 +281,7 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
 
 
 def _design(model: Process, kind: str, pi: Settings, pid: Settings, source: str, **info: Any) -> Design:
-    """Return the design with kp, ti and td for a kind."""
+    """Return the design with the settings kp, ti and td of the requested kind."""
     _check.choice("kind", kind, WITHOUT_ACCELERATION)
     kp, ti, td = pi if kind == "PI" else pid
     return Design(model, PIDA(kp, ti, td), source=source, info=info)

@@ -1,9 +1,9 @@
-"""PIDA controllers for a second-order model with dead time, fitted to those of least ITAE. Not from a paper.
+"""PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
-They have the controller and the range of `itae`, and come closer to the least ITAE than its rules do. For set-point
-steps most of the best controllers have a simple structure: they cancel the poles of the model. They do not for
-overdamped models with long dead time, where cancelling costs up to 11 % of ITAE. For loads the fit keeps Ms at 2. The
-optima, and how these rules compare with others on models and on full processes, are in the chapter on heo2023.
+Controller and range of models are those of `itae`, but the results are closer to the least ITAE. For set-point steps
+most of the best controllers have a simple structure, since their zeros cancel the poles of the model. Overdamped models
+with long dead time are an exception. For these, cancelling costs up to 11 % of ITAE. For loads the fit keeps Ms at 2.
+The chapter on heo2023 shows the optima and compares these rules with others on models and on full processes.
 """
 
 from __future__ import annotations
@@ -18,29 +18,31 @@ from pidalab.rules.models import second_order
 
 
 def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
-    r"""Design a PIDA controller for set-point steps whose zeros cancel the poles. Fitted to the optima, not printed.
+    r"""Design a PIDA controller for set-point steps whose zeros cancel the poles of the model. Not from a paper.
 
     .. math:: k_i = \frac{0.722}{k\theta}, \quad k_p = k_i (2\xi\tau + b), \quad k_d = k_i (\tau^2 + 2\xi\tau b), \quad
               k_a = k_i \tau^2 b, \qquad
               b = 0.36\,\theta - \frac{0.391}{\theta} \left(\frac{\alpha_d \tau}{2\xi}\right)^2
 
-    Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)` for every model. In two
-    thirds of the range the PIDA controllers of least ITAE nearly have this form. The second term of b compensates
-    the derivative filter. So does the acceleration: :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`.
+    Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)` for every model. In two thirds
+    of the range the PIDA controllers of least ITAE have nearly this form. The second term of b compensates the
+    derivative filter. So does the acceleration time, :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`.
 
-    The constants are fitted to the optima for 80 models of the range, with the default filters. There the ITAE is 4.5 %
-    above the least on average (geometric mean), 18 % at most. For 40 models not used in the fit, 4 % and 10 %. Ms is
-    1.76 to 2.21. With filters twice as slow it is up to 2.3, with filters four times as slow up to 3.4, and with slower
-    ones check `pidalab.margins`. The rule with Table 1 is 84 % above the least on average, 330 % at most. With the
-    best factors for each model, 64 % and 257 %.
+    The constants are fitted to the optima for 80 models of the range, with the default filters. On these models the
+    ITAE is 4.5 % above the least on average (geometric mean), and at most 18 % above it. On 40 models that were not
+    used in the fit, it is 4 % and at most 10 % above the least. Ms is 1.76 to 2.21. With filters twice as slow Ms is up
+    to 2.3, and with filters four times as slow up to 3.4. Check `pidalab.margins` for slower filters. For comparison,
+    the ITAE with Table 1 of the paper is 84 % above the least on average, and at most 330 %. With the best factors for
+    each model it is 64 % and at most 257 % above the least.
 
-    This holds if the process equals the model. In the three examples of the paper it does not, and the ITAE is 38 %
-    larger, 10 % larger and 26 % smaller than with Table 1, and 1.8 to 4.5 times the least for the process itself.
+    These numbers apply if the process equals the model. In the three examples of the paper it does not. There the ITAE
+    differs from that with Table 1 by +38 %, +10 % and -26 %. It is 1.8 to 4.5 times the least ITAE for the process
+    itself.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
 
@@ -52,7 +54,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     Raises
     ------
     TypeError, ValueError
-        For a model out of the range, and an `alpha_d` that would turn the sign of a gain; none up to 0.2 does.
+        If the model is out of range, or if `alpha_d` would change the sign of a gain. (No value up to 0.2 does so.)
 
     Examples
     --------
@@ -63,7 +65,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     """
     m = second_order(model)
     lag = _check.real("alpha_d", alpha_d, above=0.0) * m.tau / (2 * m.damping)
-    # It is negative for slow filters. A lower bound of 0 would make Ms large.
+    # The lead is negative for slow filters. A lower bound of 0 would make Ms large.
     lead = 0.36 * m.delay - 0.391 * lag * lag / m.delay
     ki, a1 = 0.722 / (m.gain * m.delay), 2 * m.damping * m.tau
     return _from_gains(
@@ -72,7 +74,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
 
 
 def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
-    r"""Design a PIDA controller for load disturbances, with small ITAE, Ms about 2. Fitted to the optima, not printed.
+    r"""Design a PIDA controller for load disturbances, with small ITAE and Ms about 2. Not from a paper.
 
     .. math:: \begin{pmatrix} k\,k_i\,\theta\,r^2 \\ k\,k_p\,r^2 \\ k\,k_d\,r^2/\theta \\ k\,k_a\,r^2/\theta^2
               \end{pmatrix} = \begin{pmatrix} 0.040 & 0.546 & 0.455 \\ 0.344 & 1.852 & 0.003 \\
@@ -80,19 +82,21 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
               \begin{pmatrix} 1 \\ r\,\xi \\ r^2 \end{pmatrix}, \qquad
               \tau_a^2 = 2\left(\frac{k_a}{k_p} + \alpha_d \tau_d^2\right)
 
-    The last term makes up for the derivative filter.
+    The last term compensates the derivative filter.
 
     The constants are fitted to the optima with Ms ≤ 2 for 42 of 80 models on a grid, with the default filters. On this
-    grid the ITAE is 9 % above the least with this bound on average (geometric mean), 34 % at most. For 40 other models,
-    9 % and 29 %. Ms is 1.66 to 2.02. Without the bound the least ITAE is 37 % of that on average, with Ms up to 7.3.
+    grid the ITAE is 9 % above the least with this bound on average (geometric mean), and at most 34 % above it. On 40
+    other models it is 9 % and at most 29 % above the least. Ms is 1.66 to 2.02. Without the bound the least ITAE is
+    37 % of the least with the bound on average, with Ms up to 7.3.
 
-    The rule with Table 3 and Table 1 is unstable for 18 of the 80 models. For 30 its ITAE is smaller, with Ms from 2.09
-    up. So it is for the three examples of the paper, by 14 % to 24 %, with Ms from 3.0 to 4.8 compared with 1.9.
+    The rule with Table 3 and Table 1 of the paper is unstable for 18 of the 80 models. For 30 models its ITAE is
+    smaller, with Ms of 2.09 or more. For the three examples of the paper its ITAE is also smaller, by 14 % to 24 %. Its
+    Ms is 3.0 to 4.8 there, compared with 1.9 here.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
 
@@ -118,14 +122,14 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
 
 
 def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a: float = 0.025) -> Design:
-    """Design a PIDA controller for one of two tests, by `setpoint` or `load`.
+    """Design a PIDA controller for set-point or load steps, with `setpoint` or `load`.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     test : {"setpoint", "load"}, optional
-        Whether steps of the set point or of the load count.
+        Kind of step for which the controller is designed.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
 
@@ -137,7 +141,7 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
     Raises
     ------
     TypeError, ValueError
-        As the two functions, and for another test.
+        As for the two functions, and if the test is unknown.
 
     Examples
     --------
@@ -156,7 +160,7 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
 def _from_gains(
     ki: float, kp: float, kd: float, ka: float, alpha_d: float, alpha_a: float
 ) -> NonInteractivePIDA:
-    """Return the controller. The acceleration compensates the derivative filter, to second order in s."""
+    """Return the controller with these gains. The acceleration compensates the derivative filter up to order s^2."""
     alpha_d = _check.real("alpha_d", alpha_d, above=0.0)
     tau_d = kd / kp if kp / ki > 0 else math.nan
     acceleration = ka / kp + alpha_d * tau_d**2 if tau_d > 0 else math.nan

@@ -1,4 +1,4 @@
-"""Generalized Haalman tuning: cancel the model's poles, choose the gain by the maximum sensitivity (haalman2024)."""
+"""Generalized Haalman tuning: cancel the poles of the model, and choose the gain for a given Ms (haalman2024)."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
     from pidalab.identification import ThreePointModel
 
-FILTER_RATIO = 0.05  # time constant of the output filter times gain crossover, eq. (9)
+FILTER_RATIO = 0.05  # time constant of the output filter, multiplied by the gain crossover, eq. (9)
 
 
 def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = None) -> PIDA:
     """Design a PIDA controller for a third-order model with dead time.
 
-    The integral, derivative and acceleration times cancel the model's poles, eq. (8):
-    ``ti = a1``, ``td = a2/a1``, ``ta = a3/a1``. The gain is the smallest with which the model and the filtered
-    controller, eq. (2), reach the maximum sensitivity. That loop has no output filter (9).
+    The integral, derivative and acceleration times cancel the poles of the model, eq. (8):
+    ``ti = a1``, ``td = a2/a1``, ``ta = a3/a1``. The gain is the smallest with which the loop of the model and the
+    filtered controller, eq. (2), reaches the maximum sensitivity. This loop does not contain the output filter (9).
 
     ============  ======================================
     haalman2024   here
@@ -37,21 +37,21 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     N, M          `n`, `m`
     ============  ======================================
 
-    Use it with `output_filter` or a prefilter of the set point. Without them, a set-point step moves the control signal
-    to kp (1 + n + m²/ta) at once. The output filter raises Ms somewhat above `ms`.
+    Use the controller with `output_filter` or with a prefilter of the set point. Without these, a set-point step moves
+    the control signal to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
 
     Parameters
     ----------
     model : Process
-        Constant numerator, three stable poles, dead time.
+        Process with constant numerator, three stable poles and dead time.
     ms : float, optional
-        Wanted maximum sensitivity, above 1. The paper uses 1.4 (cautious) and 2.0 (fast).
+        Maximum sensitivity of the loop, above 1. The paper uses 1.4 (cautious) and 2.0 (fast).
     n : float, optional
-        Ratio of the derivative time and the time constant of its filter, above 0.
+        Derivative time, divided by the time constant of its filter, above 0.
     m : float, optional
-        The same for the acceleration, whose filter time constant is ``ta/m``; m has the unit of time. By default
-        ``n td``. Then the filter time constants are a2/(n a1) and a3/(n a2), and the design does not depend on the unit
-        of time. The paper uses 10, in a unit near the lags of its processes.
+        ``ta/m`` is the time constant of the acceleration filter, so m has the unit of time. By default ``n td``. The
+        filter time constants are then a2/(n a1) and a3/(n a2), and the design does not depend on the unit of time. The
+        paper uses 10, in a unit of time similar to the lags of its processes.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     Raises
     ------
     ValueError
-        For a model of another structure, and for an `ms` that no gain reaches.
+        If the model has another structure, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -77,26 +77,26 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
 
 
 def pid(model: Process, ms: float = 1.4, *, n: float = 10) -> PIDA:
-    """Design a PID controller for a second-order model with dead time, by the same approach, eq. (10).
+    """Design a PID controller for a second-order model with dead time, as `pida` does, eq. (10).
 
     Parameters
     ----------
     model : Process
-        Constant numerator, two stable poles, dead time.
+        Process with constant numerator, two stable poles and dead time.
     ms : float, optional
-        Wanted maximum sensitivity, above 1; by default as in the paper.
+        Maximum sensitivity, above 1. The default is the paper's.
     n : float, optional
-        Filter ratio of the derivative, above 0.
+        Derivative time, divided by the time constant of its filter, above 0.
 
     Returns
     -------
     PIDA
-        With ``ta = 0``.
+        Controller with ``ta = 0``.
 
     Raises
     ------
     ValueError
-        For a model of another structure, and for an `ms` that no gain reaches.
+        If the model has another structure, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -110,24 +110,24 @@ def pid(model: Process, ms: float = 1.4, *, n: float = 10) -> PIDA:
 
 
 def pi(model: Process, ms: float = 1.4) -> PIDA:
-    """Design a PI controller for a first-order model with dead time, by the same approach. Not in the paper.
+    """Design a PI controller for a first-order model with dead time, as `pida` does. Not in the paper.
 
     Parameters
     ----------
     model : Process
-        Constant numerator, one stable pole, dead time: `fopdt`.
+        Process with constant numerator, one stable pole and dead time, such as `fopdt`.
     ms : float, optional
-        Wanted maximum sensitivity, above 1; by default as in the paper.
+        Maximum sensitivity, above 1. The default is the paper's.
 
     Returns
     -------
     PIDA
-        With ``td = ta = 0``.
+        Controller with ``td = ta = 0``.
 
     Raises
     ------
     ValueError
-        For a model of another structure, and for an `ms` that no gain reaches.
+        If the model has another structure, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -148,16 +148,17 @@ def tune(
     n: float = 10,
     m: float | None = None,
 ) -> Design:
-    """Design a controller with its output filter: `pida`, `pid` or `pi`, then `output_filter`.
+    """Design a controller with `pida`, `pid` or `pi`, and its output filter with `output_filter`.
 
     Parameters
     ----------
     model : Process or ThreePointModel
-        Constant numerator, dead time, and as many stable poles as the kind cancels: three, two or one. A
-        `ThreePointModel` is refused if its `excess_gain` is above 0.25: the loop with the process might be unstable.
+        Process with constant numerator, dead time, and as many stable poles as the controller cancels: three, two or
+        one. A `ThreePointModel` is refused if its `excess_gain` is above 0.25, since the loop with the process might be
+        unstable.
     ms : float, optional
-        Wanted maximum sensitivity, above 1, of the loop without the output filter, which raises it somewhat; by default
-        as in the paper.
+        Maximum sensitivity, above 1, of the loop without the output filter. The filter raises it slightly. The default
+        is the paper's.
     kind : {"PIDA", "PID", "PI"}, optional
         Type of controller.
     n, m : float, optional
@@ -166,13 +167,13 @@ def tune(
     Returns
     -------
     Design
-        Controller and output filter; `info` has ``ms_asked`` and the gain crossover ``wgc``, both without the output
-        filter. Its ``ms`` is that of the loop with it.
+        Controller and output filter. `info` has ``ms_asked`` and the gain crossover ``wgc``, both without the output
+        filter. ``design.ms`` is that of the loop with the output filter.
 
     Raises
     ------
     TypeError, ValueError
-        As `pida` and `output_filter`, for another kind, and for a three-point model that misses its record.
+        As for `pida` and `output_filter`, and if the kind is unknown or a three-point model does not match its record.
 
     Examples
     --------
@@ -200,7 +201,7 @@ def tune(
 
 
 class OutputFilter(NamedTuple):
-    """Low-pass filter of the control signal, 1/(time s + 1)^order, and the gain crossover that it follows from."""
+    """Low-pass filter 1/(time s + 1)^order of the control signal, with the gain crossover used for its design."""
 
     time: float
     order: int
@@ -249,17 +250,17 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     model : Process
         The model.
     controller : PIDA
-        The filter is of second order for a controller with acceleration, and of first order without.
+        The controller. The filter is of second order if it has acceleration, and of first order otherwise.
 
     Returns
     -------
     OutputFilter
-        Time constant ``0.05/wgc``, order, and ``wgc``; a block for a `Loop`.
+        Time constant ``0.05/wgc``, order, and ``wgc``. A `Loop` accepts it as a block.
 
     Raises
     ------
     TypeError, ValueError
-        For another controller, and for a loop whose gain crosses 1 never or more than once.
+        If the controller is of another type, or if the gain of the loop does not cross 1 exactly once.
 
     Examples
     --------
@@ -278,7 +279,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
 
 def _trusted(model: Process | ThreePointModel) -> Process:
-    """Return the process of a three-point model that agrees with its record. Any other model passes."""
+    """Return the process of a three-point model that matches its record. Return any other model unchanged."""
     if isinstance(model, Process) or not hasattr(model, "excess_gain"):
         return model  # type: ignore[return-value]
     from pidalab.identification.experiments import MOST_EXCESS_GAIN
@@ -292,5 +293,5 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """Scale a controller to the maximum sensitivity. Its gain is the inverse of that of the model."""
+    """Scale a controller to the maximum sensitivity. `unit` has the inverse of the model's gain."""
     return gain_for_ms(Loop(model, unit), ms) * unit

@@ -1,23 +1,23 @@
 r"""Explicit ITAE tuning of PID and PIDA controllers for a second-order model with dead time (heo2023).
 
 The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` stands
-for :math:`\theta/\tau`. For a model of another structure, or outside 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2, all functions but
-`imc_pid` raise a ValueError. Some formulas are not used as printed, as read:
+for :math:`\theta/\tau`. All functions except `imc_pid` raise a ValueError if the model has another structure, or is
+outside 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. Some formulas are corrected, compared with the text as we read it:
 
 * Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. For a
   short dead time Table 2 then gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
-* Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left, gives the integral time for r > 1. It
-  continues the one for r ≤ 1, with a jump of 1.4 %.
-* Table 3: both exponentials have a negative argument, as the one of Table 2 has.
-* Table 3: the gain changes its formula at r = 0.9, not at ξ = 0.9. At r = 0.9 the two differ by 0.003. At ξ = 0.9 they
-  would differ by 29 for r = 0.1, and for ξ = 0.3 and r = 2 the gain would have the wrong sign.
-* Table 1: the last four lines belong to ξ > 1, where they go on from the others.
+* Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left side, gives the integral time for r > 1.
+  It continues the formula for r ≤ 1, with a jump of 1.4 %.
+* Table 3: both exponentials have a negative argument, as in Table 2.
+* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the two formulas differ by 0.003. At
+  ξ = 0.9 they would differ by 29 for r = 0.1, and for ξ = 0.3 and r = 2 the gain would have the wrong sign.
+* Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The first, third and last are needed for the printed tunings. No example decides the others. All constants are as
-printed. So are the jumps between the branches. The largest is that of the gain of Table 2 at ξ = 0.9, 13 % for r = 2.
+The printed tunings require the first, third and last correction. No example tests the others. All constants, and the
+jumps between branches, are as printed. The largest jump is that of the gain of Table 2 at ξ = 0.9, 13 % for r = 2.
 
-`setpoint_factors` and `load_factors` are not from the paper. They give refitted f_d and f_a. The module `direct`
+`setpoint_factors` and `load_factors` are not from the paper. They return refitted f_d and f_a. The module `direct`
 replaces the PID tables, which limit the rule, by one formula for the whole range.
 """
 
@@ -37,7 +37,7 @@ from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
-    """Fraction f_d of the dead time that the acceleration compensates, and acceleration by derivative time, f_a."""
+    """f_d, the share of the dead time that the acceleration compensates, and f_a, acceleration per derivative time."""
 
     f_d: float
     f_a: float
@@ -53,19 +53,19 @@ def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
        \tau_i/\tau &= \begin{cases} (2.055 + 0.072\,r)\,\xi & r \le 1 \\ (1.768 + 0.329\,r)\,\xi & r > 1 \end{cases} \\
        \tau/\tau_d &= \left(1 - e^{-r^{1.06}\xi/0.87}\right)\left(0.55 + 1.683\,r^{-1.09}\right)
 
-    Corrected: the left side of the last formula, and of the integral time for r > 1 (see the top of this module).
+    The left side of the last formula, and of the integral time for r > 1, is corrected (see the top of this module).
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d : float, optional
         Filter time constant as a share of the derivative time, above 0.
 
     Returns
     -------
     NonInteractivePIDA
-        With ``tau_a = 0``.
+        Controller with ``tau_a = 0``.
 
     Examples
     --------
@@ -89,21 +89,21 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
        \tau/\tau_d &= -1.9 + 1.576\,r^{-0.53} + \left(1 - e^{-\xi/(-0.15 + 0.939\,r^{-1.121})}\right)
                       \left(1.45 + 0.969\,r^{-1.171}\right)
 
-    Corrected: where the gain changes its formula, the sign in both exponentials, and the left side of the last formula;
-    see the top of this module. As read, 2.2122 has a digit more than the others. No printed tuning distinguishes it
-    from 2.212.
+    Three things are corrected (see the top of this module): where the formula of the gain changes, the sign in both
+    exponentials, and the left side of the last formula. In the text as we read it, 2.2122 has a digit more than the
+    other constants. No printed tuning distinguishes it from 2.212.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d : float, optional
         Filter time constant as a share of the derivative time, above 0.
 
     Returns
     -------
     NonInteractivePIDA
-        With ``tau_a = 0``.
+        Controller with ``tau_a = 0``.
 
     Examples
     --------
@@ -115,12 +115,12 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
 
 
 def factors(model: Process) -> Factors:
-    """Compute the factors of the PIDA rule from the given (not the changed) model, Table 1.
+    """Compute the factors of the PIDA rule by Table 1, for the given model (not the changed one).
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
 
     Returns
     -------
@@ -149,22 +149,23 @@ def pida_setpoint(
     alpha_a: float = 0.025,
     factors: tuple[float, float] | None = None,
 ) -> NonInteractivePIDA:
-    r"""Design a PIDA controller for steps of the set point: Table 2 for the changed model of eq. (9).
+    r"""Design a PIDA controller for steps of the set point, by Table 2 for the changed model of eq. (9).
 
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The `factors` are those of the model itself. The changed model may have a ratio r down to 0.057. The paper takes it
-    so. Corrected: the factor of the acceleration time (see the top of this module).
+    The default `factors` are those of the given model. The ratio r of the changed model may be as small as 0.057,
+    outside the range of the table. The paper does the same. The factor of the acceleration time is corrected (see the
+    top of this module).
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
     factors : tuple of float, optional
-        Factors f_d and f_a; by default those of Table 1, which the function `factors` gives.
+        Factors f_d and f_a. By default those of Table 1, as the function `factors` computes them.
 
     Returns
     -------
@@ -174,8 +175,8 @@ def pida_setpoint(
     Raises
     ------
     TypeError, ValueError
-        For factors that are not two numbers, an f_a below 0, and an f_d that leaves no dead time, no time constant, or
-        a ratio for which the table gives a value that is not positive.
+        If the factors are not two numbers, or f_a is below 0. Also if f_d leaves no dead time, no time constant, or a
+        ratio for which the table gives a value that is not positive.
 
     Examples
     --------
@@ -193,20 +194,20 @@ def pida_load(
     alpha_a: float = 0.025,
     factors: tuple[float, float] | None = None,
 ) -> NonInteractivePIDA:
-    r"""Design a PIDA controller for load disturbances: as `pida_setpoint`, with Table 3.
+    r"""Design a PIDA controller for load disturbances, by Table 3 for the changed model of eq. (9).
 
-    The paper found the factors for the set point, and uses them for loads too. There the loop with the model itself is
-    not always stable, although the model is in the range: for ξ = 0.3 not with r ≤ 0.35, for ξ = 0.7 not with r ≤ 0.2,
-    for ξ = 1 not with r = 0.1, for ξ = 2 not with r ≥ 1.75. Look at `pidalab.margins`.
+    The paper found the factors for set-point steps and uses them for loads, too. Then even the loop with the model
+    itself is unstable in parts of the range: for ξ = 0.3 with r ≤ 0.35, for ξ = 0.7 with r ≤ 0.2, for ξ = 1 with
+    r = 0.1, and for ξ = 2 with r ≥ 1.75. Check `pidalab.margins`.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
     factors : tuple of float, optional
-        Factors f_d and f_a; by default those of Table 1, which the function `factors` gives.
+        Factors f_d and f_a. By default those of Table 1, as the function `factors` computes them.
 
     Returns
     -------
@@ -216,8 +217,8 @@ def pida_load(
     Raises
     ------
     TypeError, ValueError
-        For factors that are not two numbers, an f_a below 0, and an f_d that leaves no dead time, no time constant, or
-        a ratio for which the table gives a value that is not positive.
+        If the factors are not two numbers, or f_a is below 0. Also if f_d leaves no dead time, no time constant, or a
+        ratio for which the table gives a value that is not positive.
 
     Examples
     --------
@@ -232,28 +233,28 @@ def pida_load(
 def tune(
     model: Process, test: str = "setpoint", kind: str = "PIDA", alpha_d: float = 0.05, alpha_a: float = 0.025
 ) -> Design:
-    """Design a controller for a test, by `pida_setpoint`, `pida_load`, `pid_setpoint` or `pid_load`.
+    """Design a controller with `pida_setpoint`, `pida_load`, `pid_setpoint` or `pid_load`.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     test : {"setpoint", "load"}, optional
-        Whether steps of the set point or of the load count.
+        Kind of step for which the controller is designed.
     kind : {"PIDA", "PID"}, optional
-        Which controller.
+        Kind of controller.
     alpha_d, alpha_a : float, optional
-        Filter time constants as shares of the derivative and acceleration time, above 0, where the controller has them.
+        Filter time constants as shares of the derivative and acceleration time, above 0. A PID ignores `alpha_a`.
 
     Returns
     -------
     Design
-        The controller; for a PIDA `info` has the factors ``f_d`` and ``f_a``.
+        The controller. For a PIDA `info` has the factors ``f_d`` and ``f_a``.
 
     Raises
     ------
     TypeError, ValueError
-        As the four functions, and for another test or kind.
+        As for the four functions, and if test or kind is unknown.
 
     Examples
     --------
@@ -275,7 +276,7 @@ def tune(
 
 
 def setpoint_factors(model: Process) -> Factors:
-    r"""Compute factors fitted here to the ITAE of set-point steps, for `pida_setpoint`. Not from the paper.
+    r"""Compute factors for `pida_setpoint`, fitted by us to the ITAE of set-point steps. Not from the paper.
 
     .. math::
 
@@ -284,15 +285,15 @@ def setpoint_factors(model: Process) -> Factors:
        f_d &= 0.345 - 0.050\,\ell - 0.459\,x - 0.188\,\ell x, & f_a &= 0.989 + 0.231\,\ell - 0.262\,x - 0.237\,\ell x
        && \xi > 0.9
 
-    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. The break is that of the gain of Table 2. On 40 models not used
-    in the fit the ITAE is 1.68 times the least that any PIDA controller of this form can have, in the geometric mean,
-    and 2.52 times at the most. With Table 1 it is 1.74 and 3.25 times. Ms is up to 2.5, and up to 2.9 for ξ just above
-    0.9 with r near 2. `direct.setpoint` comes much closer.
+    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. The formulas change where the gain of Table 2 does. On 40 models
+    that were not used in the fit, the ITAE is 1.68 times (geometric mean) and at most 2.52 times the least ITAE of any
+    PIDA controller of this form. With Table 1 it is 1.74 and at most 3.25 times the least. Ms is at most 2.5, except
+    for ξ just above 0.9 with r near 2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
 
     Returns
     -------
@@ -318,21 +319,21 @@ def setpoint_factors(model: Process) -> Factors:
 
 
 def load_factors(model: Process) -> Factors:
-    r"""Compute factors fitted here to the ITAE of load steps, Ms up to about 2, for `pida_load`. Not from the paper.
+    r"""Compute factors for `pida_load`, fitted by us to the ITAE of load steps with Ms up to about 2. Not in the paper.
 
     .. math:: f_d = 0, \qquad
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
               \qquad \ell = \ln r, \quad x = \ln \xi
 
     No dead time is subtracted. The PID part of Table 3 is unchanged, and the acceleration makes it robust. Every loop
-    of the range is stable, with Ms up to 2.4. On 40 models not used in the fit the ITAE is 1.53 times the least that a
-    PIDA controller with Ms up to 2 can have, in the geometric mean, and 1.91 times at the most. With Table 1 seven of
-    these loops are unstable. `direct.load` comes closer.
+    of the range is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ITAE is 1.53 times
+    (geometric mean) and at most 1.91 times the least ITAE of a PIDA controller with Ms up to 2. With Table 1 seven of
+    these loops are unstable. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2 and dead time / tau from 0.1 to 2.
+        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
 
     Returns
     -------
@@ -359,24 +360,24 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     .. math:: k k_c = \frac{\tau + \theta/2}{1.25\,\theta}, \qquad \tau_i = \tau + \frac{\theta}{2}, \qquad
               \tau_d = \frac{\tau\theta}{2\tau + \theta}
 
-    The paper does not print the rule. These formulas, with a filter of a quarter of the dead time, give its tunings.
+    The paper does not print the rule. With a filter of a quarter of the dead time, these formulas give its tunings.
 
     Parameters
     ----------
     model : Process
-        `fopdt`, stable, with a dead time above 0; no other range.
+        Stable `fopdt` with dead time above 0. Its ratio has no limits.
     alpha_d : float, optional
         Filter time constant as a share of the derivative time, above 0.
 
     Returns
     -------
     NonInteractivePIDA
-        With ``tau_a = 0``.
+        Controller with ``tau_a = 0``.
 
     Raises
     ------
     TypeError, ValueError
-        For a model of another structure or without dead time.
+        If the model has another structure or no dead time.
 
     Examples
     --------
@@ -404,7 +405,7 @@ def _pida(
     changed = m._replace(delay=m.delay * (1 - f_d), tau=m.tau + 0.5 * m.delay * f_d)
     try:
         kc, tau_i, tau_d = table(changed)
-    except ArithmeticError:  # overflow, or a pole of a formula
+    except ArithmeticError:  # a formula overflows or divides by 0
         kc = tau_i = tau_d = math.nan
     if not min(kc * m.gain, tau_i, tau_d) > 0:
         raise ValueError(f"f_d = {f_d:g} leads to r = {changed.ratio:g}, where the table does not hold")

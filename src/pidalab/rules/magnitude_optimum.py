@@ -1,19 +1,19 @@
 r"""Magnitude optimum tuning of PID_n^m, from a model or from a record (vrancic2021).
 
-The loop follows its set point best if :math:`|T(j\omega)|` stays 1 up to the highest possible frequency, that is, if
-the real part of :math:`L(j\omega)` stays -1/2. As a power series in :math:`\omega`, that real part has coefficients
-that are linear in the gains, eqs. (13) and (14). The m + 2 gains meet m + 2 conditions:
+The loop follows its set point best if :math:`|T(j\omega)|` stays near 1 up to the highest possible frequency. This is
+the case if the real part of :math:`L(j\omega)` stays near -1/2. Expanded in powers of :math:`\omega`, this real part
+has coefficients that are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 conditions,
 
 .. math:: \sum_{c=0}^{m+1} (-1)^{c+1} A_{2r+1-c} K_{c-1} = \begin{cases} -\tfrac12 & r = 0 \\ 0 & r = 1 \dots m+1,
           \end{cases}
 
-eqs. (15) and (16), where areas with a negative index are 0 and those of the filter are included. So 2m + 4 areas are
-needed. The system is solved in exact fractions, because its condition number grows by more than a hundred with each m.
-It is singular if the controller could cancel every pole of process and filter, since its gains are then unbounded.
+eqs. (15) and (16). Areas with a negative index are 0, and the areas include the filter. So 2m + 4 areas are needed. The
+system is solved in exact fractions, because its condition number grows more than a hundredfold with each m. It is
+singular if the controller could cancel every pole of process and filter, since its gains are then unbounded.
 
-The conditions hold at low frequencies, and do not make the loop stable. With a dominant delay, or an oscillating
-process, it is unstable at some orders. Given a process, the functions here raise an error then. Areas alone do not show
-it.
+The conditions concern low frequencies and do not make the loop stable. If the delay dominates or the process
+oscillates, the loop is unstable at some orders. The functions here then raise an error if a process is given. From
+areas alone, instability cannot be detected.
 """
 
 from __future__ import annotations
@@ -47,22 +47,22 @@ MO_SOURCES = {
     "ie": "eq. (37)",
     "uncertainty": "from that of the areas",
 }
-UNSURE = 1.0  # relative uncertainty from which a gain is refused
-MOST_UPDATES = 300  # updates before a filter time counts as not settling
+UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
+MOST_UPDATES = 300  # if the filter time still changes after so many updates, it does not settle
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
-MOST_DERIVATIVES = 16  # largest order m; beyond it, rounding errors of the areas dominate
-LOST = 1e-3  # largest relative error of a gain from rounding the areas
+MOST_DERIVATIVES = 16  # with a larger order m, rounding errors of the areas dominate
+LOST = 1e-3  # largest accepted relative error of a gain caused by rounding the areas
 
 
 def gains(areas: ArrayLike, m: int) -> Array:
-    r"""Compute gains for given areas of process and filter together, eqs. (14) to (17).
+    r"""Compute gains from the areas of process and filter in series, eqs. (14) to (17).
 
-    For a filter that is not binomial, such as eq. (47), include its areas with `pidalab.areas.with_filter`.
+    For a filter that is not binomial, such as eq. (47), add its areas with `pidalab.areas.with_filter` first.
 
     Parameters
     ----------
     areas : array_like, shape (at least 2m + 4,)
-        A_0, A_1, ..., with the filter.
+        A_0, A_1, ..., including the filter.
     m : int
         Order of the highest derivative, at least 0.
 
@@ -74,7 +74,7 @@ def gains(areas: ArrayLike, m: int) -> Array:
     Raises
     ------
     ValueError
-        For too few areas, a static gain of 0, and a system that is singular or too ill-conditioned.
+        If there are too few areas, the static gain is 0, or the system is singular or too ill-conditioned.
 
     Examples
     --------
@@ -103,33 +103,34 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     Parameters
     ----------
     model : Process, MeasuredAreas or array_like, shape (at least 2m + 4,)
-        A stable process; or areas, without the filter.
+        A stable process, or its areas without the filter.
     m : int
-        Order of the highest derivative, at least 0: 0 is PI, 1 PID, 2 PIDA.
+        Order of the highest derivative, at least 0. 0 is PI, 1 is PID, 2 is PIDA.
     n : int
         Order of the filter, at least m.
     filter_time : float
-        Time constant of the filter, above 0; with ``n=0`` it is 0.
+        Time constant of the filter, above 0. Without filter (``n=0``) it is 0.
 
     Returns
     -------
     Design
-        The controller. Its `info`: ``gains`` :math:`K_{-1}` to :math:`K_m`; ``filter_time`` T_F; ``static_gain`` A_0
+        The controller. `info` has the ``gains`` :math:`K_{-1}` to :math:`K_m`; ``filter_time`` T_F; ``static_gain`` A_0
         of the process; ``ie``, the integral of the error after a unit step of the filtered set point,
-        :math:`1/(A_0 K_{-1})`, eq. (37); ``uncertainty``, the standard uncertainty of each gain in its own unit, from
-        that of the areas; zeros for a model.
+        :math:`1/(A_0 K_{-1})`, eq. (37); and ``uncertainty``, the standard uncertainty of each gain in its own unit.
+        The uncertainty follows from that of the areas. It is 0 for a model.
 
     Raises
     ------
     TypeError, ValueError
-        For an order or filter outside these bounds; a process that is integrating, unstable, without static gain, or
-        gives an unstable loop; too few areas; a system that is singular or too ill-conditioned; measured areas that
-        leave the uncertainty of a gain as large as the gain, or give the integral gain the wrong sign.
+        If an order or the filter is out of its range; if the process is integrating, unstable, without static gain, or
+        gives an unstable loop; if there are too few areas; or if the system is singular or too ill-conditioned. For
+        measured areas also if the uncertainty of a gain is as large as the gain, or if the integral gain has the wrong
+        sign.
 
     Notes
     -----
-    Stability is tested with a `Process` only, since areas describe low frequencies. Test a controller from a record
-    on a fitted model.
+    Stability is tested only if a `Process` is given, since areas describe low frequencies. Test a controller from a
+    record with a fitted model.
 
     Examples
     --------
@@ -164,20 +165,21 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
 
 
 def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: float) -> float:
-    r"""Estimate the filter time constant for a noise gain, from the highest derivative, eq. (32).
+    r"""Estimate the filter time constant for a noise gain, from the gain of the highest derivative, eq. (32).
 
     .. math:: T_F = \begin{cases} \left(\dfrac{K_m^2}{K_{HF}^2\,\omega_S} \left(\dfrac{1}{2m+1} + \dfrac{1}{2(n-m)-1}
               \right)\right)^{1/(2m+1)} & n > m \\ \left(|K_m|/K_{HF}\right)^{1/m} & n = m, \end{cases}
               \qquad \omega_S = \frac{2\pi}{T_S}
 
-    The estimate uses asymptotes of the filter, and noise up to the sampling frequency, twice the Nyquist frequency.
+    The estimate uses asymptotes of the filter. It counts noise up to the sampling frequency, twice the Nyquist
+    frequency.
 
     Parameters
     ----------
     gain : float
         K_m, not 0.
     m, n : int
-        Orders; n at least m and at least 1.
+        Orders. n must be at least m and at least 1.
     noise_gain : float
         K_HF, above 0.
     sample_time : float
@@ -191,7 +193,7 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     Raises
     ------
     ValueError
-        For a value outside these bounds. With ``m = n = 0`` there is no filter.
+        If a value is out of its range. With ``m = n = 0`` there is no filter.
 
     Examples
     --------
@@ -220,7 +222,7 @@ def tune_for_noise(
     first: float | None = None,
     updates: int | None = None,
 ) -> Design:
-    r"""Design for a noise gain by the estimate of eq. (32), updating gains and filter time in turn, Fig. 5.
+    r"""Design for a noise gain with the estimate of eq. (32), updating gains and filter time in turn, Fig. 5.
 
     ============  =================
     vrancic2021   argument
@@ -242,28 +244,28 @@ def tune_for_noise(
     sample_time : float
         Sample time of the controller, above 0.
     first : float, optional
-        Filter time to start from; 0.1 in the paper. By default a twentieth of the longest of \|A_k/A_0\|^(1/k),
-        k = 1, 2, 3.
+        Filter time to start from. The paper starts from 0.1. The default is a twentieth of the longest of
+        \|A_k/A_0\|^(1/k), k = 1, 2, 3.
     updates : int, optional
-        Number of updates of the filter time, at least 1; four in the paper, once and then three times more (Fig. 5).
-        By default the updates continue until the filter time settles to 1e-12.
+        Number of updates of the filter time, at least 1. The paper makes one update and then three more (Fig. 5). By
+        default the updates continue until the filter time settles to 1e-12.
 
     Returns
     -------
     Design
-        The controller, with gains for its own filter time.
+        The controller, whose gains belong to its filter time.
 
     Raises
     ------
     TypeError, ValueError
-        As `tune` and `filter_time`, and if the filter time does not settle. For n = m that happens if no filter gives
-        so small a noise gain.
+        As for `tune` and `filter_time`, and if the filter time does not settle. For n = m this happens if no filter
+        gives so small a noise gain.
 
     Notes
     -----
-    Fig. 5 starts from 0.1 in its example, updates once and then three times more. So 69 of the 70 filter times and
-    gains in Tables 3 to 5 agree within a unit of the last digit, and all 18 in Table 6. Settled values differ by up
-    to four units, in the rows that settle slowly (n = m, and m = 4).
+    The example of Fig. 5 starts from 0.1, updates once and then three times more. With these updates 69 of the 70
+    filter times and gains in Tables 3 to 5, and all 18 in Table 6, agree within a unit of the last digit. Settled
+    values differ by up to four units in the rows that settle slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -293,18 +295,18 @@ def tune_for_noise(
 def tune_for_filter_noise(
     model: Process | MeasuredAreas | ArrayLike, m: int, n: int, noise_gain: float, sample_time: float
 ) -> Design:
-    r"""Design for a noise gain of the controller alone, computed from eqs. (21) and (35) in place of the estimate (32).
+    r"""Design for a noise gain of the controller alone, computed with eqs. (21) and (35) instead of estimate (32).
 
-    The noise is white and held for a sample. The equation neglects the loop. At high frequencies the gain of the
-    process is small, so the transfer function from the noise to the control signal is about
+    The noise is white and held for a sample. At high frequencies the gain of the process is small, so the equation
+    neglects the loop. The transfer function from the noise to the control signal is then about
 
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
-    (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of its sampled form, without the
-    asymptotes of eq. (26). `pidalab.noise_gain` is that of the loop itself, and differs by some per cent if the filter
-    is not much faster than the loop.
+    (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form, without the
+    asymptotes of eq. (26). `pidalab.noise_gain` includes the loop. It differs by a few per cent if the filter is not
+    much faster than the loop.
 
-    For n above m + 1 the estimate uses as little as a third of the noise gain (see the column σ_rel of Table 4).
+    For n above m + 1 the estimate (32) uses as little as a third of the allowed noise gain (column σ_rel of Table 4).
 
     Parameters
     ----------
@@ -327,7 +329,7 @@ def tune_for_filter_noise(
     Raises
     ------
     TypeError, ValueError
-        As `tune`, and if no filter time within five decades of the start of `tune_for_noise` gives this noise gain.
+        As for `tune`, and if no filter time within five decades of the start of `tune_for_noise` gives this noise gain.
 
     Examples
     --------
@@ -348,7 +350,7 @@ def tune_for_filter_noise(
         ratio = filtered_noise_gain(filtered_gains, time, n, float(plain[0]), sample_time) / wanted
         return math.log(
             max(ratio, sys.float_info.min)
-        )  # It is 0 where K_0 of a PI controller changes its sign.
+        )  # the ratio is 0 where K_0 of a PI controller changes its sign
 
     low, high = _bracket(excess, math.log(_time_scale(plain) / 20))
     if high is None:
@@ -359,9 +361,9 @@ def tune_for_filter_noise(
 
 
 def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, float | None]:
-    """Return two logarithms of filter times that bracket the wanted noise gain, or None for the second.
+    """Return two logarithms of filter times that bracket the requested noise gain. The second may be None.
 
-    A longer filter passes less noise.
+    A longer filter time gives less noise.
     """
     here = start
     sign = math.copysign(1.0, excess(here))
@@ -376,7 +378,7 @@ def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, flo
 def filtered_noise_gain(
     gains: Sequence[float], filter_time: float, n: int, static_gain: float, sample_time: float
 ) -> float:
-    """Return the H2 norm of the sampled form of eq. (21), for held noise."""
+    """Return the H2 norm of the sampled form of eq. (21), for held white noise."""
     h = _check.real("sample_time", sample_time, above=0.0)
     numerator = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
     A, b, c, d = discretise(np.array(numerator[::-1]), binomial(filter_time, n), h)
@@ -417,11 +419,11 @@ def _require_sign(controller: HighOrderPID, model: MeasuredAreas) -> None:
 
 
 def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fraction]:
-    """Return the 2m + 4 areas that order m needs, as fractions, or raise."""
+    """Return the 2m + 4 areas that order m needs as fractions, or raise an error."""
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
-    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be accepted as areas
+    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be mistaken for areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
@@ -436,7 +438,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
 def _time_scale(areas: Sequence[Fraction]) -> float:
     """Return the longest of the times |A_k/A_0|^(1/k), k = 1, 2, 3.
 
-    For lags and dead time it is A_1/A_0. A zero can cancel A_1 or A_2, as in (2s + 1)/(s + 1)^2, but not all of them.
+    For lags and dead time it is A_1/A_0. A zero can make A_1 or A_2 zero, as in (2s + 1)/(s + 1)^2, but not all three.
     """
     return max(abs(float(area / areas[0])) ** (1 / k) for k, area in enumerate(areas[1:4], start=1)) or 1.0
 
@@ -447,7 +449,7 @@ def _row(areas: Sequence[Fraction], r: int, size: int) -> list[Fraction]:
 
 
 def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
-    """Solve M K = C, eqs. (15) to (17), for areas with the filter, or raise."""
+    """Solve M K = C, eqs. (15) to (17), for areas that include the filter. Raise if this is not possible."""
     size = m + 2
     matrix = [_row(areas, r, size) for r in range(size)]
     result = series.solve(matrix, [Fraction(-1, 2), *[Fraction(0)] * (size - 1)])
@@ -459,13 +461,13 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
 
 
 def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
-    """Return the relative change of each gain by a step of each area, shape (m + 2, 2m + 4); inf if singular."""
+    """Return the relative change of each gain by a step of each area: (m + 2, 2m + 4). Return inf if singular."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
     largest = [max(map(abs, row)) for row in scaled]
     matrix = np.array([[float(x / unit) for x in row] for row, unit in zip(scaled, largest, strict=True)])
-    moved = np.zeros((size, len(areas)))  # Change of each condition by the step of each area.
+    moved = np.zeros((size, len(areas)))  # change of each condition by the step of each area
     for r in range(size):
         for c in range(min(size, 2 * r + 2)):
             k = 2 * r + 1 - c
@@ -477,7 +479,7 @@ def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Se
 
 
 def _require_digits(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> None:
-    """Raise if rounding each area to double precision would spoil a gain."""
+    """Raise if rounding the areas to double precision would change a gain too much."""
     m, changes = len(gains) - 2, np.abs(_sensitivity(areas, gains, areas))
     error = float(np.max(changes.sum(axis=1))) * np.finfo(float).eps / 2
     if not error < LOST:
@@ -490,7 +492,7 @@ def _require_digits(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> Non
 def _measured_uncertainty(
     areas: Sequence[Fraction], gains: Sequence[Fraction], model: MeasuredAreas, filter_time: float, n: int
 ) -> Array:
-    """Return the relative standard uncertainty of each gain from that of measured areas, to first order."""
+    """Return the relative standard uncertainty of each gain for measured areas, to first order."""
     size = len(areas)
     change = _sensitivity(areas, gains, [Fraction(1)] * size)
     unit = series.lagged([Fraction(1), *[Fraction(0)] * (size - 1)], filter_time, n)

@@ -1,4 +1,4 @@
-"""Models that rules start from: checks of their structure, and models read from a process."""
+"""Models from which rules start: checks of their structure, and models derived from a process."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class SecondOrder(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        return round(self.delay / self.tau, 12)  # rounding makes 0.3/3 equal to 0.1, a break point
+        return round(self.delay / self.tau, 12)  # without rounding, 0.3/3 would miss the break point 0.1
 
 
 def lags(model: Process, order: int) -> tuple[float, list[float]]:
-    """Return the gain and a_order, …, a_1 of gain/(a_order s^order + … + a_1 s + 1), stable, or raise."""
+    """Return gain and [a_order, …, a_1] of the stable model gain/(a_order s^order + … + a_1 s + 1), or raise."""
     require_process("model", model)
     fits = len(model.num) == 1 and len(model.den) == order + 1 and model.num[0] != 0
     if not fits or np.any(roots(model.den).real >= 0):
@@ -42,7 +42,7 @@ def lags(model: Process, order: int) -> tuple[float, list[float]]:
 
 
 def require_delay(model: Process) -> None:
-    """Raise for a model without dead time."""
+    """Raise if the model has no dead time."""
     if model.delay == 0:
         raise ValueError(f"model must have a dead time above 0: this rule divides by it; found {model!r}")
 
@@ -76,14 +76,14 @@ def integrator(model: Process) -> tuple[float, float]:
 
 
 class StartingModels:
-    """Models of one process, each computed on first use, with a ValueError if it does not exist."""
+    """Models of one process. Each is computed on first use. A ValueError says that a model does not exist."""
 
     def __init__(self, process: Process) -> None:
         self.process = process
 
     @cached_property
     def reaction(self) -> Process:
-        """Dead time from the steepest tangent, lag from the 63 % point; an integrator for a process that integrates."""
+        """Model with the dead time of the steepest tangent and the lag of the 63 % point, or an integrator."""
         if not self._settles():
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:
@@ -92,7 +92,7 @@ class StartingModels:
         gain, delay = self.process.gain(), self.integrator.delay
         excess = y / gain - (1 - math.exp(-1))
         i = int(np.argmax(excess >= 0))
-        # Interpolate between samples. A process with a jump may exceed 63 % at once.
+        # Interpolate between samples. A process with a jump may exceed 63 % in the first sample.
         reached = float(np.interp(0.0, excess[i - 1 : i + 1], t[i - 1 : i + 1])) if i else 0.0
         return fopdt(gain, reached + self.process.delay - delay, delay)
 
@@ -112,7 +112,7 @@ class StartingModels:
         if not self._settles():
             raise ValueError("process must be stable: three_point needs a step response that settles")
         with warnings.catch_warnings():
-            # The process is known, so the loop with the process shows the error of the model.
+            # Ignore the warning, because comparisons simulate the loop with the process itself.
             warnings.simplefilter("ignore", RecordWarning)
             return three_point(*self._response(self.process)).process
 
@@ -125,14 +125,14 @@ class StartingModels:
             raise ValueError("process must not be unstable: the integrator is read from its step response")
         if itself:
             return self.process
-        # The largest lag hardly affects the initial slope.
+        # Leave out the largest lag, which hardly affects the initial slope.
         lags = np.sort(_lags(self.process))[: -1 if self._settles() else None]
         tangent = ipdt_tangent(*self._response(self._undelayed, 10 * float(np.sum(lags))))
         return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)
 
     @cached_property
     def _undelayed(self) -> Process:
-        """The process without its dead time, which only shifts the response, so that short lags get a fine grid."""
+        """The process without its dead time. The dead time only shifts the response and would coarsen the grid."""
         return Process(self.process.num, self.process.den)
 
     @staticmethod
@@ -147,7 +147,7 @@ class StartingModels:
 
 
 def time_scale(process: Process) -> float:
-    """Return the sum of time constants and dead time, or 1 if it is 0."""
+    """Return the sum of time constants and dead time. Return 1 if the sum is 0."""
     return float(np.sum(_lags(process))) + process.delay or 1.0
 
 

@@ -1,12 +1,12 @@
 r"""Multiple real dominant pole tuning of PID_n^m for an integrator with dead time (huba2018).
 
-Without filter the loop of the controller and the model :math:`K_s e^{-T_d s}/s` has the characteristic quasi-polynomial
+Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s` has the characteristic function
 
 .. math:: s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1}),
 
-eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`, and wherever :math:`x_o` lies, it is an (m+2)-fold zero if
--N is the Taylor polynomial of degree m+1 of :math:`x^2 e^x` there. The rule takes the :math:`x_o` nearest to 0 at which
-the next derivative vanishes too:
+eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. Any point :math:`x_o` is an (m+2)-fold zero if -N is the
+Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The rule chooses the :math:`x_o` nearest to 0 at
+which the next derivative is also 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
@@ -15,7 +15,7 @@ The sums of the Taylor polynomial telescope. With :math:`a = -x_o` and the trunc
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right),
 
-for every m, and in double precision right to 14 digits up to m = 24 and more. In particular
+for every m. In double precision it is accurate to 14 digits for m up to 24 and more. In particular
 :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`.
 """
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import control
 
 
-HIGHEST_MRDP_ORDER = 100  # highest order of a controller or filter; with more, factorials overflow
+HIGHEST_MRDP_ORDER = 100  # with controllers or filters of a higher order, factorials overflow
 
 
 class Constants(NamedTuple):
@@ -57,7 +57,7 @@ class Constants(NamedTuple):
         Returns
         -------
         list of float
-            m + 2 numbers.
+            m + 2 coefficients.
 
         Examples
         --------
@@ -71,23 +71,23 @@ class Constants(NamedTuple):
 def constants(m: int) -> Constants:
     r"""Compute the dimensionless parameters of the controller without filter, eq. (6) and Table I.
 
-    In the paper's symbols ``pole`` is p_o, the dominant pole times T_d, ``gain`` K_o = K_c K_s T_d, ``integral_time``
-    τ_io = T_i/T_d, and ``derivative_times`` are τ_jo = T_Dj/T_d^j for j = 1 ... m.
+    In the paper's symbols, ``pole`` is p_o, the dominant pole times T_d. ``gain`` is K_o = K_c K_s T_d,
+    ``integral_time`` is τ_io = T_i/T_d, and ``derivative_times`` are τ_jo = T_Dj/T_d^j for j = 1 ... m.
 
     Parameters
     ----------
     m : int
-        Order of the highest derivative, at least 0: 0 is PI, 1 PID, 2 PIDA.
+        Order of the highest derivative, at least 0. 0 is PI, 1 is PID, 2 is PIDA.
 
     Returns
     -------
     Constants
-        Pure numbers, from the closed form at the top of this module.
+        Pure numbers, computed from the closed form at the top of this module.
 
     Raises
     ------
     ValueError
-        For an m that is not a whole number, or negative.
+        If m is negative or not a whole number.
 
     Examples
     --------
@@ -111,11 +111,11 @@ def _coefficient(m: int, j: int) -> float:
 
 
 def filter_ratio(m: int, n: int) -> float:
-    r"""Compute the filter time constant per unit of equivalent dead time, T_f / T_e: eq. (11) and Table II.
+    r"""Compute the filter time constant, divided by the equivalent dead time, T_f / T_e: eq. (11) and Table II.
 
-    The filter and the dead time T_e are called equivalent if they put the dominant pole of the loop with a pure
-    integrator at the same place. For n = m the loop with the filter has no such pole. The condition leaves a constant,
-    and eq. (9) gives -1/T_f, the pole of the filter, which the rule uses.
+    The filter and the dead time T_e are equivalent if, with a pure integrator, they put the dominant pole of the loop
+    at the same place. For n = m the loop with the filter has no such pole. The condition then leaves a constant, and
+    eq. (9) gives -1/T_f, the pole of the filter. The rule uses this pole.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def filter_ratio(m: int, n: int) -> float:
     Raises
     ------
     ValueError
-        For orders outside their ranges.
+        If an order is out of its range.
 
     Examples
     --------
@@ -158,17 +158,17 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
     m : int
         Order of the highest derivative, at least 0.
     cancelled : int
-        Number p of cancelled poles, from 1 to m + 1: the more, the faster.
+        Number p of cancelled poles, from 1 to m + 1. The response is faster if more poles are cancelled.
 
     Returns
     -------
     tuple of float
-        p weights, for eq. (13).
+        p weights for eq. (13).
 
     Raises
     ------
     ValueError
-        For numbers outside their ranges.
+        If a number is out of its range.
 
     Examples
     --------
@@ -200,35 +200,35 @@ MRDP_SOURCES = {
 def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None) -> Design:
     r"""Tune PID_n^m and its prefilter for an integrator with dead time, sec. II.B.
 
-    The rule does not ensure that the loop is stable. For m of 2 and more it is unstable if `te` is short compared with
-    the dead time (see `smallest_te`).
+    The rule does not ensure that the loop is stable. For m of 2 and more it is unstable if `te` is too short compared
+    with the dead time (see `smallest_te`).
 
     Parameters
     ----------
     model : Process
-        Velocity gain and dead time: `ipdt`.
+        Integrator with dead time, see `ipdt`.
     m : int
         Order of the highest derivative, at least 0.
     n : int
-        Order of the filter, at least m. 0 is for PI without filter.
+        Order of the filter, at least m. 0 gives a PI controller without filter.
     te : float
-        Dead time that represents the filter, above 0: the larger, the less noise and speed. 0 with ``n=0``.
+        Dead time that represents the filter, above 0. A larger value gives less noise and a slower loop. 0 if ``n=0``.
     cancelled : int, optional
         Number of dominant poles that the prefilter cancels, from 1 to m + 1 (the default).
 
     Returns
     -------
     Design
-        Controller, eqs. (2) and (7), and prefilter, eq. (13). Its `info`: orders ``m`` and ``n``; ``te``; total dead
-        time ``delay``; dominant ``pole`` in 1/time; ``kc``, ``ti`` and the tuple ``td`` of T_D1 ... T_Dm in time,
-        time², ...; ``filter_time`` T_f; ``weights`` b_0, b_1, ... of the prefilter; ``ie``, the integral of the error
-        after a unit step of the set point, which is that of its absolute value as long as it does not change its sign;
-        and ``smallest_te``.
+        Controller, eqs. (2) and (7), and prefilter, eq. (13). `info` has the orders ``m`` and ``n``; ``te``; the total
+        dead time ``delay``; the dominant ``pole`` in 1/time; ``kc``, ``ti`` and the tuple ``td`` of T_D1 ... T_Dm in
+        time, time², ...; ``filter_time`` T_f; ``weights`` b_0, b_1, ... of the prefilter; ``ie``, the integral of the
+        error after a unit step of the set point; and ``smallest_te``. ``ie`` equals the IAE if the error does not
+        change its sign.
 
     Raises
     ------
     TypeError, ValueError
-        For a model of another structure and for numbers outside their ranges.
+        If the model has another structure, or if a number is out of its range.
 
     Examples
     --------
@@ -291,13 +291,13 @@ def _standard(velocity: float, delay: float, m: int) -> list[float]:
 
 
 def _controller(velocity: float, delay: float, m: int, n: int, te: float) -> HighOrderPID:
-    """Return R_n^m, filter included: eqs. (2) and (7)."""
+    """Return the controller R_n^m with its filter, eqs. (2) and (7)."""
     kc, ti, *td = _standard(velocity, delay, m)
     return HighOrderPID([kc * x for x in (1 / ti, 1.0, *td)], filter_ratio(m, n) * te if n else 0.0, n)
 
 
 def _prefilter(weights: Sequence[float], zeros: list[float]) -> control.TransferFunction:
-    """Return F_p, eq. (13), whose denominator 1 + zeros[0] s + ... has the zeros of the controller as poles."""
+    """Return the prefilter F_p, eq. (13). Its denominator 1 + zeros[0] s + ... cancels the zeros of the controller."""
     num = [1.0, *(b * x for b, x in zip(weights, zeros, strict=False))]
     import control
 
@@ -306,17 +306,17 @@ def _prefilter(weights: Sequence[float], zeros: list[float]) -> control.Transfer
 
 @cache
 def smallest_te(m: int, n: int) -> float:
-    r"""Compute the shortest T_e, in dead times of the model, for which the tuned loop is stable with the model itself.
+    r"""Compute the shortest T_e, divided by the dead time of the model, for which the loop with the model is stable.
 
     For m = 0 and m = 1 every T_e is long enough, since without filter \|L\| falls to 0, or to 0.21, at high
-    frequencies. For m of 2 and more it rises without bound, and only the filter reduces it. Far above the crossover
-    \|L\| has a hump
+    frequencies. For m of 2 and more, \|L\| would rise without bound, and only the filter reduces it. Far above the
+    crossover \|L\| has a maximum
 
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
-    and there the dead time turns the phase through all values. So the loop is stable, roughly, when the hump is below
-    1. This function starts from that estimate and bisects with the argument principle.
+    and there the phase of the dead time passes through all values. So the loop is stable, roughly, if this maximum is
+    below 1. The function starts from this estimate and bisects with the argument principle.
 
     Parameters
     ----------
@@ -328,12 +328,12 @@ def smallest_te(m: int, n: int) -> float:
     Returns
     -------
     float
-        The limit of T_e / T_dm, to 6 digits and more; 0 for m = 0 and m = 1.
+        Limit of T_e / T_dm to at least 6 digits. 0 for m = 0 and m = 1.
 
     Raises
     ------
     ValueError
-        For orders outside their ranges.
+        If an order is out of its range.
 
     Examples
     --------
@@ -344,7 +344,7 @@ def smallest_te(m: int, n: int) -> float:
     ratio, unit = filter_ratio(m, n), constants(m)
     if m < 2:
         return 0.0
-    # The share of T_e in T_d for which the hump is 1.
+    # Compute the share of T_e in T_d for which the maximum is 1.
     shape = math.sqrt((m - 1) ** (m - 1) * (n - m + 1) ** (n - m + 1) / n**n)
     share = (unit.gain * unit.derivative_times[-1] * shape) ** (1 / (m - 1)) / ratio
     estimate = share / (1 - share)

@@ -1,20 +1,20 @@
-"""The registry of rules for `tune`, `compare`, `report`, the command line and this page.
+"""The registry of rules, which `tune`, `compare`, `report` and the command line use.
 
-An entry has a name, a source, and for each kind of controller the model that the rule starts from. `pidalab.tune`
+An entry contains a name, a source, and the model from which the rule starts for each kind of controller. `pidalab.tune`
 passes the process itself to a rule. `pidalab.compare` first derives the model from the process:
 
 ===============  =====================================================================================================
 model            definition
 ===============  =====================================================================================================
 `process`        the process itself
-`reaction`       lag and dead time from the steepest tangent and 63 % of the step response; an integrator stays one
+`reaction`       lag and dead time from the steepest tangent and 63 % of the step response, or an integrator
 `first_order`    `reduction.to_fopdt`
 `second_order`   `reduction.to_sopdt`
 `third_order`    `identification.three_point` of the step response
 `integrator`     `identification.ipdt_tangent`
 ===============  =====================================================================================================
 
-The rules:
+The rules are:
 
 """
 
@@ -36,10 +36,10 @@ from pidalab.rules._design import Design
 
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
-TESTS = ("load", "setpoint")  # step for which a rule is made
-# dead time that a filter adds, relative to that of the model, if the rule leaves it to the user
+TESTS = ("load", "setpoint")  # steps for which a rule is made
+# If a rule leaves the filter to the user, the filter adds this share of the model's dead time.
 FILTER_SHARE = 0.25
-RESET_FILTER = 3  # order of the filter of an automatic reset
+RESET_FILTER = 3  # order of the filter of controllers with automatic reset
 IMC = "heo2023, rows IMC"
 HAALMAN = {"PI": "first_order", "PID": "second_order", "PIDA": "third_order"}
 CHR_1952 = "Chien, Hrones and Reswick (1952)"
@@ -53,19 +53,19 @@ class Rule:
     Attributes
     ----------
     name : str
-        As `pidalab.tune` and `pidalab.compare` take it.
+        Name for `pidalab.tune` and `pidalab.compare`.
     source : str
         Paper and equations.
     models : mapping
-        The model for each kind of controller: a name of the table above.
+        Name of the model for each kind of controller, from the table above.
     design : callable
-        Makes a `Design` of a model, a kind and `Requirements`.
+        Function of a model, a kind and `Requirements` that returns a `Design`.
     short : str
         A shorter name.
     compared : bool
-        True if `pidalab.compare` includes it by default.
+        True if `pidalab.compare` includes the rule by default.
     knows_ms : bool
-        True if it designs for a given maximum sensitivity.
+        True if the rule designs for a given maximum sensitivity.
     """
 
     name: str
@@ -82,16 +82,16 @@ class Rule:
         return tuple(self.models)
 
     def tune(self, model: Process, kind: str, requirements: Requirements = DEFAULT) -> Design:
-        """Design a controller of a kind.
+        """Design a controller of the given kind.
 
         Parameters
         ----------
         model : Process
-            What the rule starts from.
+            Model from which the rule starts.
         kind : str
             One of `kinds`.
         requirements : Requirements, optional
-            A rule uses those that it knows: Ms, or the noise gain with its sample time.
+            Ms, or the noise gain with its sample time. The rule ignores requirements that it does not support.
 
         Returns
         -------
@@ -100,7 +100,7 @@ class Rule:
         Raises
         ------
         ValueError
-            For another kind, and as the rule itself.
+            If the rule does not design this kind, or as the rule itself.
 
         Examples
         --------
@@ -117,14 +117,14 @@ class Rule:
 
 
 def find(name: str, *others: str) -> Rule:
-    """Return the rule of a name, ignoring case.
+    """Return the rule with this name, ignoring case.
 
     Parameters
     ----------
     name : str
         Name or short name of a rule.
     *others : str
-        Further words that the caller accepts, for the message.
+        Further words that the caller accepts, to be listed in the error message.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def find(name: str, *others: str) -> Rule:
     Raises
     ------
     ValueError
-        For an unknown name; the message lists the known ones.
+        If the name is unknown. The message lists the known names.
 
     Examples
     --------
@@ -147,13 +147,13 @@ def find(name: str, *others: str) -> Rule:
     return known[name.lower()]
 
 
-# --- how each is called -----------------------------------------------------------------------------------------------
+# --- how each rule is called ------------------------------------------------------------------------------------------
 
 
 def _call_with_kind(
     tune: Callable[..., Design], *args: Any
 ) -> Callable[[Process, str, Requirements], Design]:
-    """Return the call of a rule that takes a model, fixed arguments and the kind."""
+    """Return a function of model, kind and requirements that calls `tune` with the model, `args` and the kind."""
     return lambda model, kind, limits: tune(model, *args, kind)
 
 
@@ -176,9 +176,9 @@ def _direct(test: str) -> Rule:
 
 
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
-    """Design with the shortest filter, of at least a sample, that meets the noise limit.
+    """Design with the shortest filter that meets the noise limit and is at least as long as a sample.
 
-    Without a limit the filter takes a tenth of the sum of lags and dead time, which is A_1/A_0.
+    Without a noise limit the filter time is a tenth of the sum of lags and dead time, which is A_1/A_0.
     """
     m, noise_gain, sample_time = ORDER[kind], limits.noise_gain, limits.sample_time
     if noise_gain is None or sample_time is None:
@@ -270,7 +270,7 @@ RULES: dict[str, Rule] = {
 
 
 def _table() -> str:
-    """Return the rules as a table of the documentation."""
+    """Return the rules as a table for the documentation."""
     rows = [("name", "kinds, model of each", "source")]
     for rule in RULES.values():
         models = ", ".join(f"{kind}: `{model}`" for kind, model in rule.models.items())

@@ -198,7 +198,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     t : ndarray, shape (n,)
         Uniform times from 0. At a jump, the value just after the jump is returned.
     inputs : str
-        Inputs that step, each in a simulation of its own: letters out of "r", "d", "n".
+        Inputs that step, as letters out of "r", "d", "n". Each is simulated separately.
 
     Returns
     -------
@@ -229,7 +229,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
 def simulate(
     loop: Loop, t: ArrayLike, setpoint: ArrayLike = 0.0, *, load: ArrayLike = 0.0, noise: ArrayLike = 0.0
 ) -> Response:
-    """Simulate a linear loop exactly, dead time included.
+    """Simulate a linear loop exactly, including its dead time.
 
     The loop is at rest before t = 0. There is no Padé approximation and no interpolation. The values are those of the
     continuous-time loop at the requested times. The dead time need not be a multiple of the time step.
@@ -397,7 +397,7 @@ def step_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        As `simulate` with ``setpoint=1.0``.
+        Response, as from `simulate` with ``setpoint=1.0``.
 
     Examples
     --------
@@ -421,7 +421,7 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        As `simulate` with ``load=1.0``.
+        Response, as from `simulate` with ``load=1.0``.
 
     Examples
     --------
@@ -438,7 +438,7 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
     Parameters
     ----------
     process : Process
-        The process. A controller, a number or a system of python-control is accepted, too.
+        The process. A controller, a number or a system of python-control is also accepted.
     t : array_like, shape (n,)
         Uniform times that start at 0.
 
@@ -539,7 +539,7 @@ def load_iae(loop: Loop) -> float:
     Raises
     ------
     ValueError
-        As `simulate_until_settled`.
+        As for `simulate_until_settled`.
 
     Examples
     --------

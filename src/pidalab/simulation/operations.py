@@ -1,9 +1,9 @@
 """The step of a digital controller as a list of operations, which a compiled loop executes.
 
-`pidalab.digital.program` describes the step, from which C, structured text and Python are written. This module turns it
-into operations in the same order, so that the simulation gives the same bits as the written code. There are no jumps.
-Both branches of an ``if`` are computed, and an assignment takes effect only where its condition holds. So the same list
-serves a single loop and many loops in parallel.
+`pidalab.digital.program` describes the step, from which C, structured text and Python are written. This module converts
+the step to operations in the same order, so the simulation gives the same bits as the written code. The list has no
+jumps. Both branches of an ``if`` are computed, and an assignment takes effect only where its condition is true.
+Therefore the same list serves one loop and many loops in parallel.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.digital.program import If, Program, Set, Statement
 
-# Places of the controller's signals, and of the output of a block outside the program.
+# Places of the controller's signals. SUMMED is the output of a block outside the program.
 SETPOINT, MEASUREMENT, CONTROL, SUMMED = range(4)
 SIGNALS = ("setpoint", "measurement", "control", "summed")
-# ADD is target = left + right, and so on. COPY is target = left. CHOOSE is target = left if right is not 0.
+# ADD computes target = left + right, and so on. COPY is target = left. CHOOSE is target = left where right is not 0.
 ADD, SUBTRACT, MULTIPLY, LESS, GREATER, COPY, CHOOSE = range(7)
 OPERATION_CODES: dict[type, int] = {
     ast.Add: ADD,
@@ -30,22 +30,22 @@ OPERATION_CODES: dict[type, int] = {
     ast.Lt: LESS,
     ast.Gt: GREATER,
     ast.And: MULTIPLY,
-    ast.Or: ADD,  # the conditions exclude each other
+    ast.Or: ADD,  # the operands of "or" in a program are never both true
 }
-FOR_OTHERS = ("at_limit",)  # outputs that a step does not use
-PARSING = threading.Lock()  # Python 3.11 counts the depth of a syntax tree for all threads together
+FOR_OTHERS = ("at_limit",)  # outputs that no later step reads
+PARSING = threading.Lock()  # Python 3.11 counts the nesting of syntax trees in one counter for all threads
 
 
 class Operations(NamedTuple):
     """A step as operations."""
 
     code: np.ndarray  # intp, (operations, 4): kind, and the places of target, left and right
-    places: dict[str, int]  # places of signals, constants and states, `SIGNALS` first
-    numbers: Array  # their values, and space for intermediate results
+    places: dict[str, int]  # places of signals, constants and states, with `SIGNALS` first
+    numbers: Array  # values of the places, and space for intermediate results
 
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:
-    """Compile the statements of a started program, for automatic mode and valid samples."""
+    """Compile the statements of a program whose controller has started, for automatic mode and valid samples."""
     values = {
         **dict.fromkeys(SIGNALS, 0.0),
         **program.constants,
@@ -63,7 +63,7 @@ def operations(program: Program, states: Mapping[str, float]) -> Operations:
 
 
 class _Compiler:
-    """Compiler of statements. Each name has a place, and intermediate results use the places after the names.
+    """Compiler of statements. Each name has a place. Intermediate results use the places after the names.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class _Compiler:
         self.free = self.size = len(names)
 
     def statements(self, body: Sequence[Statement], mask: int | None) -> None:
-        """Add the operations of statements that take effect where the number at `mask` is not 0."""
+        """Add the operations of statements, which take effect where the number at `mask` is not 0."""
         for statement in body:
             kept = self.free
             if isinstance(statement, Set) and statement.target not in FOR_OTHERS:
@@ -98,20 +98,20 @@ class _Compiler:
             self.free = kept
 
     def assign(self, name: str, value: int | bool, mask: int | None) -> None:
-        """Change the value of a name."""
+        """Assign a value to a name."""
         if isinstance(value, bool):
             self.known[name] = value
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # The last operation can write to the place itself, unless it reads that place: the lanes would then not be
-            # independent.
+            # The last operation may write to the target directly, unless it also reads the target. In that case the
+            # lanes would not be independent.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])
 
     def value(self, node: ast.expr) -> int | bool:
-        """Return the place of an expression, or its truth value if that is known."""
+        """Return the place of an expression, or its truth value if the value is already known."""
         match node:
             case ast.Name(id=name):
                 return self.known[name] if name in self.known else self.places[name]
@@ -134,7 +134,7 @@ class _Compiler:
         raise TypeError(f"a step cannot contain the expression {ast.unparse(node)}")
 
     def emit(self, kind: int, left: int, right: int) -> int:
-        """Add an operation, and return the place of its result."""
+        """Add an operation and return the place of its result."""
         self.code.append([kind, self.free, left, right])
         self.free += 1
         self.size = max(self.size, self.free)

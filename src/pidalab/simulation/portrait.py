@@ -1,6 +1,6 @@
 """Performance portraits: measures of one loop for thousands of parameter sets (huba2024, sec. 2.3).
 
-An executor computes the sets in parts. The result of a set depends neither on its part nor on the executor.
+An executor computes the sets in parts. The result of a set is the same in any part and with any executor.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from pidalab.simulation.sampled_lanes import LANES, MEASURES, Controllers
 from pidalab.simulation.sampled_step import Actuator, Steps, plant_steps
 
 PARAMETER_NAMES = ("kp", "kd", "ka", "ti", "filter_time")
-MOST_SETS = 10**7  # their measures take about 2 GB
+MOST_SETS = 10**7  # the measures of so many sets take about 2 GB
 
 
 class Bank(NamedTuple):
     """Parameters and prefilter coefficients of many loops. Every array has the shape of the grid."""
 
-    base: SeriesPIDA  # its other values hold for all sets
+    base: SeriesPIDA  # its other values are the same for all sets
     values: dict[str, Array]  # by `PARAMETER_NAMES`
     num: tuple[Array, ...]  # numerator of the prefilter, as long as den
     den: tuple[Array, ...]
@@ -90,17 +90,17 @@ class Bank(NamedTuple):
     def measures(
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
-        """Run the sets, a one-dimensional array of whole groups of lanes, and return measures: (measures, sets)."""
+        """Simulate the sets, whose number must be a multiple of `LANES`, and return measures: (measures, sets)."""
         groups = [sampled_lanes.run(bank, plant, h, r, d, n) for bank in controllers(self, limits, h)]
         return np.concatenate(groups, axis=1)
 
 
 def _differing(base: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    """Check the given parameters by the checks of the controller."""
+    """Validate the given parameters with the checks of the controller, and return them by name."""
     if not hasattr(parameters, "keys"):
         raise TypeError(f"parameters must be a mapping of arrays by name, found {type(parameters).__name__}")
     values = {}
-    # A Series of pandas iterates over its values, so the mapping is copied.
+    # A Series of pandas iterates over values instead of names, so copy the mapping.
     for name, given in dict(parameters).items():
         if name not in PARAMETER_NAMES:
             raise ValueError(f"parameters must be among {', '.join(PARAMETER_NAMES)}, found {name!r}")
@@ -112,10 +112,10 @@ def _differing(base: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[st
 
 
 def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], list[Array]]:
-    """Check the given prefilters."""
+    """Check the coefficients of the given prefilters, and return numerator and denominator, both of one length."""
     if loop.prefilter is not None:
         raise ValueError(f"prefilter must be given once, but the loop has one already, {loop.prefilter!r}")
-    # Iterating over a transfer function raises an unclear error.
+    # Check the type first, because iterating over a transfer function raises an unclear error.
     two = isinstance(prefilter, (tuple, list)) and len(prefilter) == 2
     if not (two and all(map(np.iterable, prefilter))):
         raise TypeError(f"prefilter must be two sequences of coefficients, found {prefilter!r}")
@@ -126,7 +126,7 @@ def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], 
 
 
 def _require_stable(den: list[Array]) -> None:
-    """Raise for a prefilter that is unstable, or whose first or last denominator coefficient is 0."""
+    """Raise an error if a prefilter is unstable or if its denominator begins or ends with 0."""
     if np.any(den[0] == 0) or np.any(den[-1] == 0):
         raise ValueError(
             "prefilter must have a denominator whose first and last coefficients are not 0, found 0"
@@ -148,9 +148,9 @@ def _companion(den: Array) -> Array:
 
 
 def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[Controllers]:
-    """Discretise the sets for the sample time h, in groups of lanes.
+    """Discretise the sets for the sample time h, in groups of `LANES` sets.
 
-    All have the step of a `DigitalController` that is exact for held inputs. Only the numbers differ.
+    All sets share the step of a `DigitalController` that is exact for held inputs. Only the numbers differ.
     """
     kp, kd, ka, ti, time = bank.values.values()
     n = bank.base.filter_order
@@ -170,7 +170,7 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
     if n:
         table[places[f"{name}_OLD"]] = -np.expm1(-h / time)
     arrays = (table, *_prefilter(bank, h))
-    # Each group is contiguous in memory.
+    # Copy each group, so that its numbers are contiguous in memory.
     for start in range(0, kp.size, sampled_lanes.LANES):
         yield Controllers(
             code, *(np.ascontiguousarray(x[..., start : start + sampled_lanes.LANES]) for x in arrays)
@@ -178,49 +178,49 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
 
 
 def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:
-    """Discretise the prefilters in controllable form. The sets are the last axis."""
+    """Discretise the prefilters in controllable canonical form. The last axis is the sets."""
     q = len(bank.den) - 1
     num, den = np.stack(bank.num, axis=-1), np.stack(bank.den, axis=-1)
     num, den = num / den[:, :1], den / den[:, :1]
-    # In this unit of time s is about 1 at the poles, so that the companion matrix is well scaled.
+    # Choose a unit of time in which the poles are near 1 in size, so that the companion matrix is well scaled.
     unit = np.abs(den[:, -1:]) ** (-1 / max(q, 1))
     scale = unit ** np.arange(q + 1)
     num, den = num * scale, den * scale
-    # With the held input as a further state, one exponential gives both transition and influence of the input.
+    # Treat the held input as a further state. One exponential then gives the transition and the input's influence.
     augmented = np.zeros((len(den), q + 1, q + 1))
     if q:
         augmented[:, :q, :q] = _companion(den)
         augmented[:, 0, q] = 1.0
     transition = expm(augmented * (h / unit)[:, :, None])
     phi, gamma = transition[:, :q, :q], transition[:, :q, q]
-    # The output reads the remainder of the numerator after the direct part.
+    # Split the numerator into its direct part and the remainder, which the output reads from the states.
     d = num[:, 0]
     c = num[:, 1:] - d[:, None] * den[:, 1:]
     return tuple(np.moveaxis(x, 0, -1) for x in (phi, gamma, c, d))  # type: ignore[return-value]
 
 
-TASKS = 64  # approximate number of tasks for the workers
+TASKS = 64  # approximate number of parts of the grid, which the workers compute one by one
 
 
 class Portrait(NamedTuple):
-    """Measures of a loop for many parameter sets, as arrays of the grid's shape. `Response` defines them.
+    """Measures of a loop for many parameter sets, as arrays of the shape of the grid, defined as in `Response`.
 
     Attributes
     ----------
     ie, iae, ise, itae : ndarray
-        Integrals of the control error r - y up to the last time.
+        Integrals of the control error r - y over the whole simulation.
     tv_y, tv_u : ndarray
-        Total variation of output and control signal from the state of rest, 0, to the last sample.
+        Total variation of output and control signal. It starts from the state of rest, 0.
     tv1_y, tv1_u : ndarray
-        Excess over one pulse (huba2024, eq. (24)), from 0 to the final value: the set point for y, and for u the
-        control signal that holds it against the load.
+        Total variation in excess of one pulse (huba2024, eq. (24)) from 0 to the final value. The final value of y is
+        the set point. That of u is the control signal that holds the set point against the load.
     y_min, y_max, u_min, u_max : ndarray
-        Extremes over the samples and the state of rest.
+        Smallest and largest value of all samples and of the state of rest.
     y_end, u_end : ndarray
         Last sample.
     diverged : ndarray of bool
-        True for a loop that overflowed, whose measures are all infinite. A limited loop on an integrator diverges more
-        slowly and has large finite numbers.
+        True for a loop that overflowed; its measures are infinite. A loop with limits on an integrator may diverge too
+        slowly to overflow. Its measures are large and finite.
     """
 
     ie: Array
@@ -252,28 +252,28 @@ def portrait(
     prefilter: tuple[Sequence[ArrayLike], Sequence[ArrayLike]] | None = None,
     executor: Executor | None = None,
 ) -> Portrait:
-    r"""Simulate a loop for many parameter sets, and return the measures of each.
+    r"""Simulate a loop for many parameter sets, and return the measures of each set.
 
-    Each set is simulated as by `simulate_sampled`. No signal is stored.
+    Each set is simulated as `simulate_sampled` does, but no signal is stored.
 
     Parameters
     ----------
     loop : Loop
-        A process and a `SeriesPIDA`, whose filter order, limits and other values hold for all sets. The loop may have a
-        prefilter.
+        A process and a `SeriesPIDA`. Values of the controller that `parameters` does not name are the same for all
+        sets. The loop may have a prefilter, but no output filter.
     parameters : mapping of str to array_like, or pandas.DataFrame
         Arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast to the shape of the grid.
     t : array_like, shape (n,)
-        Uniform times that start at 0; their step is the sample time.
+        Uniform times that start at 0. Their step is the sample time.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        The same for all sets. A number is a step at t = 0; an array is held from each sample to the next.
+        Inputs that all sets share. A number is a step at t = 0. An array is held from each sample to the next.
     limits : tuple of float, optional
-        Smallest and largest control signal. Those of the controller hold, too.
+        Smallest and largest control signal. The limits of the controller also apply.
     prefilter : tuple of two sequences of array_like, optional
         Numerator and denominator of prefilters in descending powers of s. Each coefficient is a number or an array over
         the grid. The prefilters must be proper and stable.
     executor : concurrent.futures.Executor, optional
-        By default one thread for each processor that this process may use. A given executor is not closed.
+        Executor for the parts of the grid; it is not closed. By default one thread runs on each available processor.
 
     Returns
     -------
@@ -283,11 +283,12 @@ def portrait(
     Raises
     ------
     TypeError, ValueError
-        For a controller other than `SeriesPIDA`, an output filter, parameters that are unknown, not finite, out of
-        range or do not broadcast, a sample time above a filter's time constant, an unstable prefilter, a load or a set
-        point that no control signal within the limits can hold, and as `simulate_sampled`.
+        If the controller is not a `SeriesPIDA` or the loop has an output filter; if parameters are unknown, not finite,
+        out of range or do not broadcast; if the sample time exceeds the time constant of a filter; if a prefilter is
+        unstable; if no control signal within the limits can hold the load and the set point; and as
+        `simulate_sampled`.
     MemoryError
-        For a grid of more than ten million sets.
+        If the grid has more than ten million sets.
 
     See Also
     --------
@@ -295,7 +296,7 @@ def portrait(
 
     Examples
     --------
-    Acceleration gains and reset times around huba2024, eq. (25), for a load that the actuator can just bear:
+    Vary acceleration gain and reset time near huba2024, eq. (25), for a load that the actuator can just compensate:
 
     >>> import numpy as np, pidalab
     >>> pda = pidalab.SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
@@ -305,7 +306,7 @@ def portrait(
     >>> p.iae.round(2).tolist()
     [[14.74, 15.56, 16.49], [14.04, 14.79, 15.67]]
 
-    With a table of sets, one in each row: ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
+    For a table with one set a row, use ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
     t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
     r, d, n = map(np.ascontiguousarray, held)  # kernels need contiguous arrays
@@ -315,7 +316,7 @@ def portrait(
     plant = plant_steps(loop.process, h, Actuator(*at_rest, 0.0, 0))
     rest = _state_of_rest(loop, bank, at_rest, r[-1], d[-1])
     require_executor(executor)
-    # There are whole groups of lanes; copies of the last set fill the last group.
+    # The kernels need whole groups of lanes, so copies of the last set fill the last group.
     sets = math.prod(bank.shape)
     places = np.minimum(np.arange(-(-sets // LANES) * LANES), sets - 1)
     size = -(-places.size // (TASKS * LANES)) * LANES
@@ -346,7 +347,7 @@ def _state_of_rest(
 
 
 def _portrait(raw: Array, rest: tuple[Array, Array]) -> Portrait:
-    """Add the excess over one pulse, which the final values decide, and mark the sets that diverged."""
+    """Add the excess over one pulse, which follows from the final values, and mark the sets that diverged."""
     diverged = ~np.isfinite(raw).all(axis=0)
     values = dict(zip(MEASURES, raw, strict=True))
     with np.errstate(all="ignore"):

@@ -31,7 +31,7 @@ TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 tim
 
 
 def _add_row_by_row(out, factors, rows, first, column):
-    """Plain form of `add_rows`."""
+    """Do the same as `add_rows`, without compilation."""
     for i in range(factors.size):
         out += factors[i] * rows[first + i, column : column + out.size]
 
@@ -47,7 +47,7 @@ def add_rows(out, factors, rows, first, column):
     for i in range(0, fours, 4):
         p, q, r, s = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
         k = first + i
-        # Views begin at index 0. With an offset, compiled code would test the sign of each index.
+        # Use views, which begin at index 0. With an offset, compiled code would test the sign of each index.
         a, b, c, d = rows[k, column:], rows[k + 1, column:], rows[k + 2, column:], rows[k + 3, column:]
         for j in range(size):
             out[j] = out[j] + p * a[j] + q * b[j] + r * c[j] + s * d[j]
@@ -95,7 +95,7 @@ def add_product(out, place, factors, column, count, rows, first):
 
 
 def _column_sizes_of_array(block):
-    """Plain form of `column_sizes`."""
+    """Do the same as `column_sizes`, without compilation."""
     return np.fmax.reduce(np.abs(block), axis=0, initial=0.0)
 
 

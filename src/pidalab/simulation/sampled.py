@@ -1,18 +1,18 @@
 r"""Simulation of loops with a digital controller that samples, holds and is limited.
 
 At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)` and sets the limited signal
-:math:`u_k`, which is held for the sample time h. So the input of the plant is a staircase. After a dead time
-:math:`L = mh + \lambda` that is not a multiple of h, its steps lie inside the sample intervals:
+:math:`u_k`, which is held for the sample time h. So the input of the plant is a staircase. If the dead time
+:math:`L = mh + \lambda` is not a multiple of h, the steps of the delayed input lie inside the sample intervals:
 
 .. math:: w(t_k + s) = v_{k-m-1} \;\;(0 \le s < \lambda), \qquad v_{k-m} \;\;(\lambda \le s < h), \qquad v = u + d.
 
-Each sample interval has one or two pieces with a constant input, and one matrix exponential for each advances the plant
-without any error. The controller is discretised for a held input as well. The only effect of discretisation is that of
-a real digital controller: it delays by half a sample in reading and half a sample in holding, and the response
-approaches that of the continuous loop with the first power of h.
+Each sample interval has one or two pieces with a constant input. A matrix exponential for each piece advances the plant
+without any error. The controller is discretised for a held input as well. The only remaining effect is that of a real
+digital controller, which delays by half a sample in reading and half a sample in holding. As h decreases, the response
+approaches that of the continuous loop, with an error proportional to h.
 
-An actuator that is switched within the sample (pulse width modulation) is simulated exactly, too. Its pulses have a
-finite number of widths, and the contribution of each to the state of the plant is computed beforehand.
+An actuator that is switched within the sample (pulse width modulation) is also simulated exactly. Its pulses have a
+finite number of widths. The contribution of each width to the state of the plant is computed beforehand.
 """
 
 from __future__ import annotations
@@ -57,68 +57,69 @@ def simulate_sampled(
 ) -> Response:
     r"""Simulate a loop whose controller is digital and limited, exactly for any dead time of the plant.
 
-    The loop, its controller included, rests at its working point before t = 0. The sample time of a
-    `DigitalController` must be the step of `t`. (Its own ``step`` would start without a bump instead. To start it from
-    rest, call ``reset(r=y_offset, y=y_offset)``.) Any other controller and the output filter are discretised for held
-    inputs with the step of `t` as sample time. So is a prefilter in any case. All signals and the limits are relative
-    to the state of rest: an actuator from 0 to 80 that rests at 30 has the limits (-30, 50).
+    Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
+    step of `t` as its sample time. (Its own ``step`` would start without a bump instead. To start it from rest, call
+    ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every prefilter are discretised for
+    held inputs, with the step of `t` as sample time. All signals and limits are relative to the state of rest. An
+    actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
-    A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`, fed
-    back positively from the limited signal (huba2024, Fig. 1, eqs. (3), (8)). Its filter :math:`Q_n` acts on the
-    difference of filtered set point and measurement, here as everywhere. The paper does not say whether it filters the
-    set point too; a prefilter with :math:`(T_f s + 1)^n` in its numerator, and a fast lag that keeps it proper, undoes
-    that.
+    A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
+    limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the
+    difference of filtered set point and measurement, as everywhere in this library. The paper does not say if it also
+    filters the set point. To undo this filtering, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and a
+    fast lag that keeps it proper.
 
     Parameters
     ----------
     loop : Loop
         The loop.
     t : array_like, shape (n,)
-        Uniform times that start at 0; their step is the sample time h of the controller.
+        Uniform times that start at 0. Their step is the sample time h of the controller.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        A number is a step at t = 0; an array is held from each sample to the next.
+        A number is a step at t = 0. An array is held from each sample to the next.
     limits : tuple of float, optional
-        Smallest and largest control signal, with 0 between them or equal to one of them. Those of a `SeriesPIDA` hold,
-        too.
+        Smallest and largest control signal. They must contain 0, which may equal one of them. The limits of a
+        `SeriesPIDA` also apply.
     plant : Process or AsymmetricPlant, optional
-        Plant to simulate in place of the loop's process.
+        Plant to simulate instead of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
-        Action of the integral of a continuous controller at a limit. By default it continues to integrate; "none" means
-        None. *Clamping*: it stops while it would drive the control signal further beyond the limit. *Conditioning*: it
-        integrates :math:`\varepsilon + (u - w)/k_p`, the error for which w would equal the limited signal u; k_p is
-        the value of :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
+        Action of the integral of a continuous controller at a limit. By default, or with "none", it continues to
+        integrate. With *clamping* it stops while it would drive the control signal further beyond the limit. With
+        *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, the error for which w would equal the limited
+        signal u. Here k_p is the value of :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
         ``controller.discretise``. A digital controller uses its own anti-windup.)
     quanta : tuple of float, optional
-        Resolution of the measurement and of the control signal, relative to the state of rest; 0 for none. Values are
-        rounded to the nearest multiple, halves to the even one. The limits are not rounded. A reset or an integral
-        sees the limited signal before rounding, since it would stick otherwise.
+        Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
+        Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
+        or an integral uses the limited signal before rounding, since it would stick otherwise.
     pulse_widths : int, optional
         Number of widths of pulse width modulation. In each sample the actuator is first at the upper limit and then at
-        the lower one, and the width of the pulse is the nearest of 0, 1, …, `pulse_widths` parts of the sample. With 0,
+        the lower limit. The width of the pulse is the nearest of 0, 1, …, `pulse_widths` parts of the sample. With 0,
         the default, the actuator holds its value. Before t = 0 the plant rests as if its input were constant.
 
     Returns
     -------
     Response
-        Signals at the times t, at a jump the value just after it. `u` is the limited, rounded control signal, held from
-        each sample to the next, or with pulses its mean over the sample.
+        Signals at the times t. At a jump, the value just after the jump is returned. `u` is the limited and rounded
+        control signal, which is held from each sample to the next. With pulses it is their mean over the sample.
 
     Raises
     ------
     TypeError, ValueError
-        For times that are not uniform from 0, signals of another length or with NaN, limits out of order or without the
-        0 of the state of rest, a plant that answers within the sample (direct feedthrough without dead time), an
-        unstable loop that overflows; a continuous controller or output filter with a filter that is faster than the
-        sample time (use ``controller.discretise(sample_time)``); a digital controller with another sample time;
-        anti-windup for a controller without integral action or with a reset, or conditioning with kp/ki below the
-        sample time, where it is unstable; negative quanta; pulses without finite limits, with a quantum of the control
-        signal, or into a plant that is not linear or has direct feedthrough.
+        If times are not uniform from 0; if signals have another length or contain NaN; if limits are out of order or do
+        not contain 0; if the plant has direct feedthrough without dead time; or if an unstable loop overflows. If a
+        filter in or after a continuous controller is faster than the sample time (use
+        ``controller.discretise(sample_time)``), or if a digital controller has another sample time. If anti-windup is
+        requested for a controller without integral action or with a reset, or conditioning with kp/ki below the sample
+        time, where it is unstable. If quanta are negative. If pulses are requested without finite limits, with a
+        quantum of the control signal, or for a plant that is not linear or has direct feedthrough.
 
     Notes
     -----
     A controller that is discretised for held inputs cannot use a filter that is faster than the sample time. Its
-    derivative sees only steps, and the response to each has decayed at the next sample. Use a sample time well below
-    the time constant of the filter, or backward differences, ``controller.discretise(sample_time)``, as most PLCs do.
+    derivative acts only on steps, and the response to each step has decayed at the next sample. Use a sample time well
+    below the time constant of the filter. Or use backward differences, as most PLCs do:
+    ``controller.discretise(sample_time)``.
 
     Examples
     --------
@@ -128,7 +129,7 @@ def simulate_sampled(
     >>> r.u.tolist(), r.y.tolist()
     ([0.25, 0.25, 0.25, 0.1875, 0.078125], [0.0, 0.125, 0.375, 0.625, 0.84375])
 
-    Windup of a PI controller, and two ways to prevent it:
+    The overshoot shows the windup of a PI controller and the effect of two remedies:
 
     >>> loop, t = pidalab.Loop(pidalab.ipdt(1.0, delay=0.5), pidalab.PIDA(kp=0.6, ti=4.0)), 0.01 * np.arange(3001)
     >>> for anti_windup in (None, "clamping", "conditioning"):
@@ -175,7 +176,7 @@ def _limited(
 
 
 def limits_at_rest(own: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:
-    """Return the limits together with those of the controller, and check that they contain the state of rest."""
+    """Intersect the limits with those of the controller, and check that the result contains the state of rest."""
     low, high = _check.limits(limits)
     low, high = max(low, own[0]), min(high, own[1])
     if not low <= 0 <= high or low == high:
@@ -201,9 +202,9 @@ def _conversion(low: float, high: float, quanta: tuple[float, float], widths: in
 def sampled_controller(
     loop: Loop, h: float, limits: tuple[float, float], anti_windup: str | None
 ) -> tuple[StateSpace, DigitalController]:
-    """Discretise the controller of a loop, its output filter included, for held inputs and the sample time h.
+    """Discretise the controller of a loop, with its output filter, for held inputs and the sample time h.
 
-    Return the discretised fraction, and the digital controller behind it with the integral and the limits.
+    Return the discretised fraction, and a digital controller in series that adds the integral and the limits.
     """
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
@@ -228,7 +229,7 @@ def sampled_controller(
 def _behind(
     h: float, limits: tuple[float, float], integral: float = 0.0, gain: float = 0.0, **more: Any
 ) -> DigitalController:
-    """Return the digital controller that adds its integral to a given signal and limits the sum."""
+    """Return a digital controller that adds an integral to a given signal and limits the sum."""
     others: dict[str, Any] = {"from_signal": False, "tracking_gain": 0.0, "anti_windup": None}
     return DigitalController(
         sample_time=h,
@@ -244,7 +245,7 @@ def _behind(
 
 
 def _tracking(ki: float, kp: float, h: float) -> float:
-    """Return the share of u - w that the integral of a conditioned controller adds in a sample."""
+    """Return the share of u - w that a controller with conditioning adds to its integral in a sample."""
     if kp == 0 or not 0 < ki * h / kp < 1:
         raise ValueError(
             f"anti_windup='conditioning' needs kp/ki above the sample time, {h:.4g}, found kp = {kp:.4g}, ki = {ki:.4g}"
@@ -253,7 +254,7 @@ def _tracking(ki: float, kp: float, h: float) -> float:
 
 
 def require_fine_enough(h: float, filter_time: float) -> None:
-    """Raise for a sample time above the filter's time constant, since derivatives would see only steps."""
+    """Raise if the sample time exceeds the filter's time constant, since derivatives would act only on steps."""
     if h > filter_time * (1 + 1e-6):
         raise ValueError(
             f"the sample time must be at most the filter's time constant, {filter_time:.6g}, found {h:.6g}; sample "
@@ -262,11 +263,11 @@ def require_fine_enough(h: float, filter_time: float) -> None:
 
 
 def shortest_filter(loop: Loop) -> float:
-    """Return the shortest time constant of the filters in and after the controller, infinite without filters."""
+    """Return the shortest time constant of the filters in and after the controller. It is infinite without filters."""
     has_parts = isinstance(loop.controller, Controller)
     times = [part.filter_time for part in loop.controller.parts() if part.filter_order] if has_parts else []
     for block in ("output_filter",) if has_parts else ("output_filter", "controller"):
-        # The poles of a transfer function are its filters, except those at 0, which are integrators.
+        # The poles of a transfer function belong to filters, except poles at 0, which are integrators.
         poles = roots(loop.blocks[block][1])
         times += (1 / np.abs(poles[poles != 0])).tolist()
     return float(min(times, default=math.inf))
@@ -275,7 +276,7 @@ def shortest_filter(loop: Loop) -> float:
 def _with_reset(
     loop: Loop, reset: AutomaticReset, h: float, limits: tuple[float, float]
 ) -> tuple[StateSpace, DigitalController]:
-    """Discretise the stabilising controller with its filters. The reset is the integral."""
+    """Discretise the stabilising controller with its filters. The reset becomes the integral."""
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
     fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
@@ -285,11 +286,11 @@ def _with_reset(
 
 
 TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # first and largest number of samples of a response to noise
-# Largest share of the sum of squares in the second half of such a response. Later samples are neglected. If the tail
-# decays by e in N samples, they hold at most FADED N / TAIL_SAMPLES of the squares, so the relative error of the gain
-# is at most half of that, 1e-10 for a tail of a million samples and 1e-7 for one of a thousand million.
+# The response is long enough if its second half has at most this share of the sum of squares. Later samples are
+# neglected. If the tail decays by the factor e in N samples, their share is at most FADED N / TAIL_SAMPLES. The
+# relative error of the gain is at most half of this share: 1e-10 for N of a million, 1e-7 for a thousand million.
 FADED = 1e-12
-# Such a response covers at least this number of dead times, since the noise comes back only after the first.
+# The response covers at least this number of dead times, since the noise returns only after the first.
 ECHOES = 4
 
 
@@ -303,9 +304,9 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     amplitude : float
         Largest absolute value, not negative.
     seed : int
-        Seed of the generator; the same seed gives the same record.
+        Seed of the generator. The same seed gives the same record.
     hold : float, optional
-        Time for which a value is held, a multiple of the step of t. By default one step.
+        Time for which a value is held, as a multiple of the step of t. By default one step.
 
     Returns
     -------
@@ -315,7 +316,7 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     Raises
     ------
     ValueError
-        For a negative amplitude or a hold that is not a multiple of the step.
+        If the amplitude is negative, or the hold is not a multiple of the step.
 
     Examples
     --------
@@ -340,27 +341,27 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     r"""Return the ratio of the standard deviations of control signal and white measurement noise, in the sampled loop.
 
     The noise n is held for a sample, the controller is digital as in `simulate_sampled`, and set point and load are 0.
-    Limits, a rate limit and a deadband are ignored, so the ratio is that of the linear loop. By Parseval it is the root
-    of the sum of squares of the control signal after a single sample of noise of height 1, the H2 norm from n to u. No
-    random numbers are used.
+    Limits, a rate limit and a deadband are ignored, so the ratio is that of the linear loop. By Parseval's theorem the
+    ratio is the H2 norm from n to u. It is computed as the root of the sum of squares of the control signal after a
+    single sample of noise of height 1. No random numbers are used.
 
     Parameters
     ----------
     loop : Loop
-        The loop, which must be stable, also with this sample time.
+        The loop, which must be stable with this sample time as well.
     sample_time : float
         Sample time of controller and noise, above 0.
 
     Returns
     -------
     float
-        The ratio, in units of u per unit of y: σ_rel of vrancic2021, eq. (35).
+        The ratio, in units of u per unit of y. vrancic2021, eq. (35), calls it σ_rel.
 
     Raises
     ------
     TypeError, ValueError
-        As `simulate_sampled`; for an unstable loop; and if four dead times, or the response to a pulse of noise, are
-        longer than a million samples.
+        As for `simulate_sampled`. Also if the loop is unstable, or if four dead times, or the response to a pulse of
+        noise, are longer than a million samples.
 
     Examples
     --------
@@ -398,7 +399,7 @@ def _linear(loop: Loop) -> Loop:
 
 
 def _lengths(loop: Loop, h: float) -> list[int]:
-    """Return the numbers of samples to try. Raise for a loop that is unstable or has too long a dead time."""
+    """Return the numbers of samples to try. Raise if the loop is unstable or its dead time is too long."""
     if not is_stable(loop):
         border = "in the closed right half-plane, or arbitrarily near it"
         where = border if loop.digital is None else "on or outside the unit circle"

@@ -1,8 +1,8 @@
-"""Simulation of many sampled loops in parallel, with measures computed on the way.
+"""Simulate many sampled loops in parallel, and compute their measures during the simulation.
 
-The loops share plant, limits and inputs and differ in their controllers. Each variable of a loop is a row of numbers,
-one for each of `LANES` loops, and every operation acts on whole rows, which compiles to vector instructions. A lane
-does the same operations in the same order for any neighbours, so its result does not depend on them.
+The loops have the same plant, limits and inputs but different controllers. Each variable is a row of `LANES` numbers,
+one for each loop (a lane). Every operation acts on whole rows, which compiles to vector instructions. A lane performs
+the same operations in the same order whatever its neighbours hold, so its result does not depend on the neighbours.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from pidalab.simulation.sampled_step import Steps, stepper
 
 LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-# If the error is below this share of the largest one, a change of its sign inside a sample is ignored. The part of the
-# parabola with the other sign is then subtracted instead of added. It is nowhere larger than the larger end, so IAE is
-# too small by at most 2e-13 times the largest error times the duration, and ITAE by that times the time.
+# A change of sign of the error within a sample is ignored if the error is below this share of its largest value. The
+# integrals then subtract the area of the other sign instead of adding it. The error in that area is at most the larger
+# of the two end values. IAE is too small by at most 2e-13 times the largest error times the duration. For ITAE this
+# bound is multiplied by the time.
 NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
@@ -29,7 +30,7 @@ IE, IAE, ISE, ITAE, TV_Y, TV_U, Y_MIN, Y_MAX, U_MIN, U_MAX, Y_END, U_END = range
 
 
 class Controllers(NamedTuple):
-    """Digital controllers with the same step but different numbers, and prefilters, one of each for a lane."""
+    """Digital controllers and prefilters, one of each in every lane. All execute the same step on different numbers."""
 
     code: np.ndarray  # the code of `Operations`
     numbers: Array  # (places, LANES)
@@ -48,13 +49,13 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
 
     Notes
     -----
-    At the beginning of sample k, `x` holds the states of all plants at t_k and `f` those of the prefilters. `past` is a
-    ring buffer of plant inputs, as long as the dead time, and `slot` is the place of the present input. The measures of
-    an interval are computed at its end, from the values at both ends and the exact integral between them, which is the
-    last state of the plant. No response is stored.
+    At the beginning of sample k, `x` holds the states of all plants at t_k, and `f` the states of the prefilters.
+    `past` is a ring buffer with the plant inputs of one dead time, and `slot` is the place of the present input. The
+    measures of an interval are computed at its end. They need the values at both ends and the exact integral of y
+    between them, which is the last state of the plant. No response is stored.
     """
     states = plant.c.size
-    # If the set point is always 0, the prefilter stays at rest.
+    # With a set point of 0 at all times, the prefilter stays at rest.
     degree = bank.prefilter_gamma.shape[0] if reference.any() else 0
     size = plant.lag_samples[0] + 1
     past = np.zeros((size, LANES))
@@ -69,14 +70,14 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
     largest, mixed = np.zeros(LANES), np.zeros(LANES, np.intp)
     m = np.zeros((len(MEASURES), LANES))
     for k in range(reference.size):
-        # A direct path reads the oldest input in the dead time.
+        # The direct part of the plant reads the oldest input, which has passed the dead time.
         after = slot + 1 if slot + 1 < size else 0
         y[:] = 0.0
         _add_scaled(plant.c, x, y)
         if plant.d != 0:
             for i in range(LANES):
                 y[i] += plant.d * past[after, i]
-        # Update the measures by the interval that ends here. The last state is the running integral of y.
+        # Add the interval that ends here to the measures. The last state of the plant is the running integral of y.
         area = x[states - 1]
         if k:
             _integrate(
@@ -99,7 +100,7 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
         u = past[slot]
         u[:] = control
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
-        # Add the load, then advance the plant over the interval, piece by piece.
+        # Add the load, then advance the plant by one sample interval, piece by piece.
         u += load[k]
         for piece in range(plant.lag_samples.size):
             place = slot - plant.lag_samples[piece]
@@ -116,14 +117,14 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
 
 @inlined
 def _scale(row: Array, factor: float, out: Array) -> None:
-    """Write a multiple of a row."""
+    """Write a multiple of a row into `out`."""
     for i in range(LANES):
         out[i] = factor * row[i]
 
 
 @inlined
 def _add_scaled(factors: Array, rows: Array, out: Array) -> None:
-    """Add rows, each multiplied by a number that all lanes share."""
+    """Add rows to `out`, each multiplied by a number that all lanes share."""
     for row in range(factors.size):
         factor, source = factors[row], rows[row]
         if factor != 0:
@@ -133,7 +134,7 @@ def _add_scaled(factors: Array, rows: Array, out: Array) -> None:
 
 @inlined
 def _add_products(factors: Array, rows: Array, out: Array) -> None:
-    """Add rows, each multiplied by its own number."""
+    """Add rows to `out`, multiplied element by element by rows of factors."""
     for row in range(factors.shape[0]):
         factor, source = factors[row], rows[row]
         for i in range(LANES):
@@ -142,7 +143,7 @@ def _add_products(factors: Array, rows: Array, out: Array) -> None:
 
 @inlined
 def _follow(variation: Array, least: Array, most: Array, value: Array, old: Array) -> None:
-    """Update total variation and extremes by a new value."""
+    """Update total variation and extremes with a new value."""
     for i in range(LANES):
         variation[i] += abs(value[i] - old[i])
     for i in range(LANES):
@@ -168,13 +169,13 @@ def _integrate(
     h: float,
     start: float,
 ) -> None:
-    """Update the integrals of the error, divided by h, by a sample interval, with the parabolas of `Response`."""
-    # The parabola passes through both ends and has the exact area. These are its curvature and its mean.
+    """Add a sample interval to the integrals of the error, which are divided by h, with the parabolas of `Response`."""
+    # The parabola passes through both ends of the interval and has the exact area. Compute its curvature and mean.
     for i in range(LANES):
         curve[i] = 3.0 * (r - y_old[i] + r - y[i]) - 6.0 * (r - (area[i] - area_old[i]) / h)
     for i in range(LANES):
         plain[i] = 0.5 * (r - y_old[i] + r - y[i]) - SIXTH * curve[i]
-    # Integrate e, |e| and t |e| as if e did not change its sign.
+    # Integrate e, |e| and t |e| as if e kept its sign.
     for i in range(LANES):
         m[IE, i] += plain[i]
     for i in range(LANES):
@@ -182,20 +183,20 @@ def _integrate(
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         m[ITAE, i] += abs(start * plain[i] + h * (SIXTH * (first + 2.0 * last) - 0.5 * SIXTH * curve[i]))
-    # The integral of e^2 is exact.
+    # The integral of e^2 of a parabola has this closed form.
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         bent = curve[i] * (0.2 * curve[i] - first - last)
         m[ISE, i] += SIXTH * (2.0 * (first * first + first * last + last * last) + bent)
-    # The parabola differs from its chord by at most |curve|/4, so e can change its sign only if an end is that close to
-    # 0.
+    # The parabola differs from its chord by at most |curve|/4. So e can change its sign only if one end is closer to 0
+    # than that.
     for i in range(LANES):
         largest[i] = max(largest[i], max(abs(r - y_old[i]), abs(r - y[i])))
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         near = abs(first + last) - abs(first - last) <= 0.5 * abs(curve[i])
         mixed[i] = near & (max(abs(first), abs(last)) > NEGLIGIBLE * largest[i])
-    # In these lanes add the parts of the other sign.
+    # In the lanes where e may change its sign, correct the integrals of |e| and t |e|.
     some = 0
     for i in range(LANES):
         some += mixed[i]
@@ -209,8 +210,8 @@ def _integrate(
 
 @compiled
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
-    """Return by how much the integrals of |e| and (start + h s) |e| over 0..1 exceed those without a change of sign."""
-    # Find the roots between 0 and 1, in order, without cancellation.
+    """Return what a change of sign adds to the integrals of |e| and (start + h s) |e| over 0 <= s <= 1."""
+    # Find the roots between 0 and 1 in ascending order, without cancellation.
     cuts = np.array([0.0, 0.0, 0.0, 1.0])
     square = c1 * c1 - 4 * c2 * c0
     if square >= 0:
@@ -219,7 +220,7 @@ def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[fl
         cuts[2] = min(max(c0 / q, 0.0), 1.0) if q != 0 else 0.0
         if cuts[1] > cuts[2]:
             cuts[1], cuts[2] = cuts[2], cuts[1]
-    # Between the roots sum the areas, with and without their sign.
+    # Sum the areas between the roots, once with their sign and once without.
     plain, weighted = 0.0, 0.0
     plain_sum, weighted_sum = 0.0, 0.0
     before, before_rising = 0.0, 0.0

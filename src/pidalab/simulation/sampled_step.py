@@ -1,4 +1,4 @@
-"""Compiled simulation, sample by sample, of a plant, its actuator and a controller."""
+"""Compiled simulation of a plant, its actuator and a controller, sample by sample."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pidalab.statespace import StateSpace, held, pieces, realise
 
 
 class PlantStates(NamedTuple):
-    """Two systems that share a state. Number 1 applies while the first state rises towards w, number 0 otherwise.
+    """Two linear systems with the same state. Number 1 applies while the first state rises towards w, else number 0.
 
-    For a linear plant both are equal.
+    For a linear plant both systems are equal.
     """
 
     A: Array  # (2, n, n)
@@ -30,11 +30,11 @@ class PlantStates(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Transitions of the plant over a sample interval, piece by piece, for both of its systems."""
+    """Transitions of the plant over the pieces of a sample interval, for both of its systems."""
 
     phi: Array  # (pieces, 2, n, n)
     gamma: Array  # (pieces, 2, n)
-    lag_samples: Array  # (pieces,), number of samples since the input of the piece was set
+    lag_samples: Array  # (pieces,), age in samples of the input that acts during the piece
     pulse: (
         Array  # (pieces, widths, n), contribution to the state of a pulse from the lower to the upper limit
     )
@@ -47,12 +47,12 @@ class Actuator(NamedTuple):
 
     low: float
     high: float
-    quantum: float  # 0 for none
-    widths: int  # number of pulse widths above 0, or 0 for an actuator that holds
+    quantum: float  # 0 for unlimited resolution
+    widths: int  # number of pulse widths above 0, or 0 for an actuator that holds its output
 
 
 def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
-    """Realise a plant. Its last state is the running integral of its output."""
+    """Realise a plant. The last state is the running integral of the output."""
     if isinstance(plant, Process):
         system = realise(plant.num, plant.den)
         systems, c, d = [(system.A, system.b)] * 2, system.c, system.d
@@ -60,7 +60,7 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
         main, direct = (realise(*rational(name, getattr(plant, name))) for name in ("main", "direct"))
         systems = [_with_store(main, direct, time) for time in (plant.fall, plant.rise)]
         c, d = np.concatenate([[main.d], main.c, direct.c]), direct.d
-    # A further state is the running integral of c x + d w.
+    # Append a state that integrates the output c x + d w.
     with_integral = [
         np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems
     ]
@@ -69,14 +69,14 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
 
 
 def _with_store(main: StateSpace, direct: StateSpace, time: float) -> tuple[Array, Array]:
-    """Put the store in front of the main path, and the direct path in parallel."""
+    """Put the store in series before the main path, and the direct path in parallel with both."""
     A = block_diag(-1 / time, main.A, direct.A)
     A[1 : 1 + main.b.size, 0] = main.b
     return A, np.concatenate([[1 / time], np.zeros(main.b.size), direct.b])
 
 
 def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) -> Steps:
-    """Discretise the plant over the one or two pieces of a sample interval in which its delayed input is constant."""
+    """Discretise the plant. The delayed input is constant over one or two pieces of a sample interval."""
     if not isinstance(plant, (Process, AsymmetricPlant)):
         hint = _check.carrier(plant, Process)
         raise TypeError(f"plant must be a Process or an AsymmetricPlant, found {type(plant).__name__}{hint}")
@@ -97,18 +97,18 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
 
 
 def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator: Actuator) -> Array:
-    """Return the contribution of pulses of each width to the state over a piece `offset` after their beginning."""
+    """Return what a pulse of each width adds to the state over a piece that starts `offset` after the pulse."""
     A, b, widths = states.A[0], states.b[0], actuator.widths
     added = np.zeros((widths + 1, b.size))
     if not widths:
         return added
-    # `on` is the time for which each pulse is on within the piece. `over_piece` is the effect of an input of 1 over the
-    # whole piece, and `phi`, `gamma` advance the state by one part of a sample.
+    # `on` is the time within the piece for which each pulse is on. `over_piece` is the effect of an input of 1 over the
+    # whole piece. `phi` and `gamma` advance the state by one part of a sample.
     on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
     over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    # A pulse contributes the whole piece less the time after its end, which grows by one part from each width to the
-    # next shorter one.
+    # The effect of a pulse is the effect over the whole piece minus that of the time after the pulse. From each width
+    # to the next shorter one, this time grows by one part.
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
@@ -120,7 +120,7 @@ def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator:
 
 
 def stepper(lanes: int) -> Any:
-    """Return the compiled function that executes the operations of a step for a number of loops in parallel."""
+    """Return the compiled function that executes the operations of a step for `lanes` loops in parallel."""
 
     def step(code: np.ndarray, numbers: Array) -> None:
         for k in range(code.shape[0]):
@@ -155,7 +155,7 @@ step_one = stepper(1)
 
 @compiled
 def advanced(phi: Array, gamma: Array, x: Array, w: float, new: Array) -> None:
-    """Write phi x + gamma w into `new`. For small matrices loops are faster than a library call."""
+    """Write phi x + gamma w into `new`. Loops are faster than a library call for small matrices."""
     for i in range(x.size):
         total = gamma[i] * w
         for j in range(x.size):
@@ -174,7 +174,7 @@ def output(c: Array, d: float, x: Array, w: float) -> float:
 
 @compiled
 def filtered(block: StateSpace, signal: Array) -> Array:
-    """Pass a held signal through a discretised block."""
+    """Filter a held signal by a discretised block."""
     x, new, out = np.zeros(block.b.size), np.zeros(block.b.size), np.empty(signal.size)
     for k in range(signal.size):
         out[k] = output(block.c, block.d, x, signal[k])
@@ -185,7 +185,7 @@ def filtered(block: StateSpace, signal: Array) -> Array:
 
 @compiled
 def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array, at: int) -> float:
-    """Write the actuator's output with the load to `v` and `width`. Return the output, with pulses its mean."""
+    """Write the actuator's output plus the load to `v` and `width`. Return the output, or its mean with pulses."""
     if actuator.quantum > 0:
         rounded = actuator.quantum * np.rint(wanted / actuator.quantum)
         u = min(max(rounded, actuator.low), actuator.high)
@@ -194,7 +194,7 @@ def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array
     if actuator.widths > 0:
         span = actuator.high - actuator.low
         share = (wanted - actuator.low) / span
-        # After an overflow the share is NaN.
+        # The share is NaN if the control signal has overflowed.
         parts = int(np.rint(share * actuator.widths)) if 0 <= share <= 1 else 0
         v[at], width[at] = actuator.low + load, parts
         return actuator.low + span * parts / actuator.widths
@@ -204,10 +204,10 @@ def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array
 
 @compiled
 def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: int) -> tuple[Array, Array]:
-    """Advance the plant by a sample. Return its new state, and the array of the old one."""
+    """Advance the plant by a sample. Return the new state, then the old array for reuse."""
     for piece in range(plant.lag_samples.size):
         w = v[at - plant.lag_samples[piece]]
-        system = 1 if w > x[0] else 0  # while w is held, a store approaches it from one side
+        system = 1 if w > x[0] else 0  # while w is held, the store approaches w from one side
         advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
         x, x_new = x_new, x
         if plant.pulse.shape[1] > 1:
@@ -230,21 +230,20 @@ def run(
 ) -> tuple[Array, Array, Array]:
     """Run the loop for a filtered set point. Return y, u and the integral of y, relative to the state of rest.
 
-    The controller consists of a block that acts on the error and the operations of a step. `rest` is the y_offset and
-    the bias of its signals.
+    The controller consists of a block that acts on the error, and the operations of a step. `rest` holds the
+    measurement and the control signal at rest, `y_offset` and `bias`.
 
     Notes
     -----
-    At the beginning of sample k, `x` is the state of the plant at t_k and `z` that of the block. Entry `before + k` of
-    `v` and `width` is the input that is set at t_k; the `before` first entries are the rest before t = 0. So the input
-    of a piece is `lag_samples` entries earlier, and a dead time needs no other memory. Each sample reads the
-    measurement, then the controller acts, then the plant is advanced over the interval, piece by piece, by exact
-    transitions.
+    At the beginning of sample k, `x` is the state of the plant at t_k and `z` is the state of the block. The input that
+    is set at t_k is entry `before + k` of `v` and `width`. The first `before` entries are the rest before t = 0. The
+    input of a piece is found `lag_samples` entries earlier, so a dead time needs no other memory. In each sample the
+    measurement is read, then the controller acts, then exact transitions advance the plant piece by piece.
     """
     n, before = reference.size, plant.lag_samples[0]
     y_offset, bias = rest
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
-    v = np.zeros(n + before)  # input of the plant without its pulses, beginning with the rest before t = 0
+    v = np.zeros(n + before)  # input of the plant without its pulses, including the rest before t = 0
     width = np.zeros(n + before, np.intp)
     x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
     z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)

@@ -1,4 +1,4 @@
-"""Kernels that read outputs from a stack of states and advance a stack (see `pidalab.simulation.ladder`)."""
+"""Kernels that advance a stack of states and read outputs from the stack (see `pidalab.simulation.ladder`)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pidalab.simulation.ring import DROPPED, add_product, add_rows, column_sizes
 
 @compiled
 def advanced(stack, order, power, keep):
-    """Advance a stack by the duration of a power, and keep its youngest ages."""
+    """Advance a stack by the time step of a power of its transition, and keep only the youngest ages."""
     ages, reach = stack.size // order, power.shape[1] // order
     after = np.zeros(keep * order)
     before = stack.size - after.size
     for j in range(after.size):
         after[j] = stack[before + j]
-    # The states of each age add rows of the power to their own age and to all younger ones.
+    # The product adds the states of each age, times rows of the power, to the same age and to all younger ages.
     for age in range(ages - 1, -1, -1):
         least, end = max(0, age - keep + 1), min(reach, age + 1)
         if least < end:
@@ -33,7 +33,7 @@ def advanced(stack, order, power, keep):
 
 @compiled
 def _reads(rows, outputs, order, wide):
-    """Return the largest coefficient by which each output reads each age, and any age in a last row."""
+    """Return the largest coefficient by which each output reads each age. The last row is the largest of all ages."""
     ages = rows.shape[0] // order
     size = np.zeros((ages + 1, outputs))
     for age in range(ages):
@@ -48,11 +48,11 @@ def _reads(rows, outputs, order, wide):
 
 @compiled
 def _read_ages(size):
-    """Return the number of ages that any output reads by more than `DROPPED` of its largest coefficient."""
+    """Return the number of ages that the outputs need. An output ignores coefficients below a `DROPPED` share."""
     ages = size.shape[0] - 1
     largest = size[ages]
     while ages > 1:
-        # Each output has its own share, since u may be read by much larger numbers than y.
+        # The share is relative to the same output, since coefficients of u may be much larger than those of y.
         for q in range(largest.size):
             if size[ages - 1, q] > DROPPED * largest[q]:
                 return ages
@@ -62,9 +62,9 @@ def _read_ages(size):
 
 @compiled
 def _longest(size, ages, power, order, most):
-    """Bound the ages that outputs read one power later, before these reads are computed.
+    """Bound the ages that the outputs will read after the next product with a power, before the product is computed.
 
-    No number of a product exceeds the order times the largest numbers of both factors.
+    No element of a product exceeds the order times the product of the largest elements of both factors.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -82,13 +82,13 @@ def _longest(size, ages, power, order, most):
 
 @compiled
 def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
-    """Return the rows by which outputs at `run` successive times read a stack: (its states, times and outputs).
+    """Return the rows that read the outputs at `run` successive times from a stack: (states, times and outputs).
 
     Notes
     -----
-    The rows for one time are the coefficients of the outputs. After each pass the rows for `have` times are complete.
-    The next pass adds as many by a product with the next power, which moves the same reads one power later. After each
-    pass ages that no output reads are dropped.
+    The rows for the first time are the coefficients of the outputs. Before each pass the rows for `have` times are
+    complete. The pass multiplies these rows by the next power, which gives the rows for as many later times. It then
+    drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -100,7 +100,7 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
         for j in range(order):
             rows[(ages - 1) * order + j, q] = C[q, j]
         reading = direct[q].copy()
-        for age in range(1, ages):  # the direct part of an output reads older process inputs
+        for age in range(1, ages):  # through the direct part an output also reads older process inputs
             place = (ages - 1 - age) * order
             read, passed = np.zeros(order), np.zeros(reading.size)
             add_rows(read, reading, Cv, 0, 0)
@@ -141,7 +141,7 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
 @compiled
 def nonzero(matrix):
-    """Return the places of nonzero elements in each row of a matrix, and their number."""
+    """Return the column indices of the nonzero elements of each row of a matrix, and their number."""
     places = np.zeros(matrix.shape, dtype=np.int64)
     numbers = np.zeros(matrix.shape[0], dtype=np.int64)
     for i in range(matrix.shape[0]):
@@ -154,9 +154,9 @@ def nonzero(matrix):
 
 @compiled
 def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
-    """Compute derivatives of the states at one multiple of the dead time, each (delta A(z))^m / m! times the states.
+    """Compute derivatives of the states at one multiple of the dead time. Derivative m is (delta A(z))^m / m! x.
 
-    For each derivative `delayed` holds the signals that leave the dead time at the next multiple.
+    `delayed` stores, for each derivative, the signals that leave the dead time at the next multiple.
     """
     order, channels = B.shape
     after = np.zeros(channels)
@@ -170,7 +170,7 @@ def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
             for q in range(channels):
                 total += B[i, q] * delayed[m, q]
             now[i] = share * total
-        for q in range(channels):  # a signal that enters the dead time leaves it one dead time later
+        for q in range(channels):  # a signal that enters the dead time now leaves it at the next multiple
             total = 0.0
             for i in range(channels):
                 total += D[q, i] * delayed[m, i]
@@ -182,7 +182,7 @@ def derive(terms, place, delta, A, places, numbers, B, Cv, D, delayed):
 
 
 def _summed_arrays(terms, start, end, share):
-    """Plain form of `summed`."""
+    """Do the same as `summed`, without compilation."""
     stack = terms[-1, start:end].copy()
     for m in range(terms.shape[0] - 2, -1, -1):
         stack = stack * share + terms[m, start:end]
@@ -191,7 +191,7 @@ def _summed_arrays(terms, start, end, share):
 
 @plain(_summed_arrays)
 def summed(terms, start, end, share):
-    """Sum the Taylor series of a stack."""
+    """Sum the Taylor series of all states of a stack."""
     stack = np.zeros(end - start)
     if share == 0.0:
         for j in range(end - start):
@@ -213,16 +213,16 @@ def summed(terms, start, end, share):
 
 @compiled
 def ages_needed(read, powers, order, base, most):
-    """Return the ages that a stack needs if outputs are read from it up to 0, 1, ..., `most` runs later.
+    """Return how many ages a stack needs if outputs are read from it up to 0, 1, ..., `most` runs later.
 
-    The binary digits of a number of runs select the powers with the same product, and their reaches bound the ages of
-    the present stack that these outputs read. Older ages are negligible in all of them and may be dropped.
+    The binary digits of a number of runs select the powers that advance the stack by as many runs. The sum of their
+    reaches bounds the age that the outputs can read. Older ages may be dropped.
     """
     needed = np.full(most + 1, read)
     for runs in range(1, most + 1):
         ages, p, digits = read, base, runs
         while digits > 0:
-            # Higher powers only exist without dead time, where one age is enough.
+            # Powers above the stored ones exist only without dead time, where one age is enough.
             if digits % 2 == 1 and p < len(powers):
                 ages += powers[p].shape[1] // order - 1
             digits //= 2
@@ -245,12 +245,12 @@ def first_time(k, step, delay):
 
 @compiled
 def distance_after(k, i, step, delay):
-    """Return the time from a multiple of the dead time to requested time i, or 0 if it is only rounding."""
+    """Return the time from multiple k of the dead time to requested time i, or 0 if rounding explains it."""
     distance = step * i - k * delay
     return distance if distance > 8.0 * 2.0**-52 * step * i else 0.0
 
 
 @compiled
 def bit_is_set(count, power):
-    """Return True if the binary form of a count has this power of 2. The count may exceed the largest integer."""
+    """Return True if the binary form of a count contains this power of 2. The count may be an integer of any size."""
     return np.floor(count * 2.0**-power) % 2.0 == 1.0

@@ -1,4 +1,4 @@
-"""Common parts of the commands: one-line errors, options, and output."""
+"""Common parts of the commands: error messages, options and output."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EXISTING = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 class Command(click.Command):
-    """A command that turns an error of the library into one line on stderr and exit status 1."""
+    """A command that reports an error of the library in one line on stderr, with exit status 1."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
@@ -61,7 +61,7 @@ def main() -> None:
       pidalab benchmark rule.py:tune --out folder              rank a rule of yours on 134 plants
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # for consoles that lack a character
+        if isinstance(stream, io.TextIOWrapper):  # the console may lack a character
             stream.reconfigure(errors="replace")
 
 
@@ -79,7 +79,7 @@ def progress(text: str) -> Iterator[None]:
 
 
 class Place(click.Path):
-    """A path to write to. An empty one, from an unset shell variable, would mean the current folder."""
+    """A path to write to. Refuse an empty path, which an unset shell variable gives: it means the current folder."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse an empty path."""
@@ -106,7 +106,7 @@ def numbers(ctx: click.Context, param: click.Parameter, value: str) -> list[floa
 
 
 def column(ctx: click.Context, param: click.Parameter, value: str | None) -> str | int | None:
-    """Take digits for the number of a column and anything else for its name."""
+    """Convert digits to the number of a column. Return any other text unchanged as the name of a column."""
     return int(value) if value is not None and value.isdecimal() else value
 
 
@@ -142,7 +142,7 @@ out = add_options(
 
 
 def visible(text: str) -> str:
-    """Return text with control characters escaped: it may hold names from files of others."""
+    """Escape control characters of a text, which may contain names from other people's files."""
     return "".join(x if x.isprintable() or x == "\n" else ascii(x)[1:-1] for x in text)
 
 

@@ -1,4 +1,4 @@
-"""Commands for a known plant: compare all rules on it, simulate one loop, benchmark a rule of your own."""
+"""Commands for a known plant: compare all rules, simulate one loop, benchmark a rule of your own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pidalab._text import STARTING_MODELS, set_out
 from pidalab.plant.cli import dialogue
 
 DEFAULT_SAMPLES = 2000  # samples of a response with a continuous controller
-MOST_DIGITAL_SAMPLES = 1e7  # samples with a digital controller; more would exhaust the memory
+MOST_DIGITAL_SAMPLES = 1e7  # more samples with a digital controller would exhaust the memory
 FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 
 
@@ -57,7 +57,7 @@ def rules_command() -> None:
 def rule_command(relay: Path | None, ku: float | None, tu: float | None, **columns: str | int | None) -> None:
     """List the gains that rules give for an ultimate gain and period, or for a RELAY record.
 
-    Each controller is shown with its Ms on models that have this ultimate gain and period.
+    The Ms of each controller is listed for simple models with this ultimate gain and period.
 
     \b
     Examples:
@@ -119,7 +119,7 @@ def simulate_command(
 
 
 def _controller(options: dict[str, Any]) -> Any:
-    """Return the controller of the gains, or that of a file."""
+    """Return the controller with the given gains, or the controller of a file."""
     file, h = options["controller"], options["sample_time"]
     if file is None:
         if options["kp"] is None:
@@ -132,7 +132,7 @@ def _controller(options: dict[str, Any]) -> Any:
     if given:
         said = " and ".join(f"--{name.replace('_', '-')}" for name in given)
         raise click.UsageError(f"--controller has its own gains and sample time: leave out {said}")
-    try:  # an editor may have put a byte order mark before the text
+    try:  # an editor may have added a byte order mark at the beginning
         return pidalab.digital.from_json(file.read_text(encoding="utf-8-sig"))
     except ValueError as refusal:
         raise ValueError(f"--controller {file}: {refusal}") from None
@@ -157,7 +157,7 @@ def _response(loop: pidalab.Loop, until: float, u_min: float, u_max: float, **st
 
 
 def _measures(response: pidalab.Response) -> str:
-    end = float(response.t[-1])  # the loop may diverge: every measure ends with the simulation
+    end = float(response.t[-1])  # the loop may diverge, so every measure ends with the simulation
     lines = [
         f"IAE {response.iae(end):.6g}, ITAE {response.itae(end):.6g}, ISE {response.ise(end):.6g}, until {end:g}",
         f"total variation of u {response.tv('u', end):.6g}, largest |u| {abs(response.peak('u', end)):.6g}, "
@@ -174,7 +174,7 @@ def _measures(response: pidalab.Response) -> str:
 
 @functools.cache
 def _function(path: Path, name: str) -> Callable[[Any], Any]:
-    """Run a file of Python and return one of its functions."""
+    """Run a Python file and return one of its functions."""
     import runpy
 
     function = runpy.run_path(str(path)).get(name)
@@ -184,7 +184,7 @@ def _function(path: Path, name: str) -> Callable[[Any], Any]:
 
 
 def _apply(path: Path, name: str, process: Any) -> Any:
-    """Apply the function of a file, which each process of the pool loads for itself."""
+    """Call the function of a file. Each process of the pool loads the file once for itself."""
     return _function(path, name)(process)
 
 

@@ -1,4 +1,4 @@
-"""Commands that start from a record of a plant: compare three controllers, tune one, check the gains that run."""
+"""Commands for a record of a plant: compare three controllers, tune one, judge the gains of a running loop."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def fit_record(options: dict[str, Any]) -> pidalab.identification.Fit:
 
 
 def read_record(options: dict[str, Any]) -> pidalab.Record:
-    """Read the record that the options describe, and compare it with the limits of u."""
+    """Read the record that the options describe, and check that the limits of u contain its input."""
     with dialogue.progress("reading"):
         record = pidalab.Record.read_csv(options["record"], **{name: options[name] for name in READING})
     low, high = options.get("u_min", -math.inf), options.get("u_max", math.inf)
@@ -192,7 +192,7 @@ def read_record(options: dict[str, Any]) -> pidalab.Record:
     if not low <= least <= most <= high:
         raise ValueError(
             f"--u-min and --u-max must contain u of the record, which runs from {least:.6g} to {most:.6g}, found "
-            f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it behind "
+            f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it after "
             "the limits of the actuator"
         )
     return record
@@ -200,7 +200,7 @@ def read_record(options: dict[str, Any]) -> pidalab.Record:
 
 def _digital(design: pidalab.Design, record: pidalab.Record, options: dict[str, Any]) -> Any:
     """Return the digital controller, with the working point of the record."""
-    # a prefilter shapes the set point already; automatic reset needs both weights at 1
+    # A prefilter already shapes the set point, and automatic reset needs both weights at 1.
     shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
     weights = {"b": 1.0 if shaped else 0.5, "c": 1.0 if shaped else 0.0}
     further = {name: options[name] for name in ("rate_limit", "deadband", "feedforward", "tunable")}
@@ -216,13 +216,13 @@ def _digital(design: pidalab.Design, record: pidalab.Record, options: dict[str, 
 
 
 def missing_limits(low: float, high: float) -> list[str]:
-    """Return a doubt that names the limits of u that were not given."""
+    """Return a doubt that names the limits of u that are missing, if any."""
     lacking = [name for name, limit in (("--u-min", low), ("--u-max", high)) if math.isinf(limit)]
     return [doubt("no limits", options=" and ".join(lacking))] if lacking else []
 
 
 def _vendors(design: pidalab.Design, time_unit: str) -> str:
-    """Return the parameters of vendor blocks, or why there are none."""
+    """Return the parameters of vendor blocks, or a reason why there are none."""
     try:
         forms = design.vendor_forms(time_unit or "s")
     except ValueError as refusal:

@@ -1,6 +1,6 @@
-"""Write a digital controller as C, structured text, Python and JSON: head, step, self-test.
+"""Write a digital controller as C, structured text, Python or JSON, with a head and a self-test.
 
-`LANGUAGES` defines how each language prints a statement. The folder ``templates`` holds the text around the step.
+`LANGUAGES` defines how each language prints a statement. The folder ``templates`` contains the text around the step.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
 from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
-FAR = 5  # further samples with the measurement far above the set point, then far below
-DOUBLINGS = 24  # largest number of doublings of this distance
-INVALID = (12, 15)  # samples with an invalid measurement, in manual mode and not
-INVALID_MEASUREMENT = 1e30  # single precision can hold it, too
-HEAD_WIDTH, VALUES_WIDTH = 105, 95  # characters of a line
-MOST_NOTES, LONGEST_NOTE = 40, 500  # lines of a note and their characters
+FAR = 5  # further samples with the measurement far above the set point, and as many far below
+DOUBLINGS = 24  # how often this distance is doubled at most
+INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
+INVALID_MEASUREMENT = 1e30  # single precision can represent this value, too
+HEAD_WIDTH, VALUES_WIDTH = 105, 95  # largest number of characters in a line
+MOST_NOTES, LONGEST_NOTE = 40, 500  # largest number of lines of a note, and of characters in a line
 PRECISIONS = ("double", "single")
-LONGEST_NAME = 32  # characters of a name that every compiler distinguishes
-# words of the three languages, of their libraries and of vendors of PLCs, in small letters: structured text ignores
-# case, and a variable with the name of a library block, such as "integral" or "action", does not compile
+LONGEST_NAME = 32  # compilers may ignore further characters of a name
+# Keywords of the three languages, names of their libraries and names used by vendors of PLCs, in small letters.
+# Structured text ignores case, so a variable named like a library block ("integral") would not compile.
 RESERVED = frozenset(
     re.sub("#.*", "", Path(__file__).with_name("reserved.txt").read_text(encoding="utf-8")).split()
 )
-# conversions such as REAL_TO_INT, and typed functions such as ADD_REAL
+# These match conversions such as REAL_TO_INT, and typed functions such as ADD_REAL.
 FAMILIES = re.compile(
     r"[a-z]+[0-9]*(_bcd)?_to_[a-z0-9_]+|(abs|add|div|eq|expt?|g[et]|l[et]|mul|ne|sub|limit|max|min|mux|sel|move|trunc|"
     r"sqrt|ln|log|a?sin|a?cos|a?tan|and|x?or|not|mod|ct[ud]{1,2})_[a-z]+"
 )
-OWN = frozenset(("tested", "worst", "off", "k", "s", "state", "reset", "selftest"))  # names of the self-tests
+OWN = frozenset(("tested", "worst", "off", "k", "s", "state", "reset", "selftest"))  # names in the self-tests
 
 
 def _number_of_structured_text(value: float) -> str:
-    """Write a number with digits on both sides of the point, as the standard requires."""
+    """Write a number with digits on both sides of the decimal point, as IEC 61131-3 requires."""
     mantissa, _, exponent = repr(value).upper().partition("E")
     if not exponent or isinstance(value, bool):
         return repr(value).upper()
@@ -72,14 +72,14 @@ LANGUAGES = {
 
 
 def identifier(name: str, taken: Iterable[str] = ()) -> str:
-    """Check a name for code: letters, digits and single underscores, as all three languages allow.
+    """Check that a name consists of letters, digits and single underscores, as all three languages require.
 
     Parameters
     ----------
     name : str
         Name of a controller, in small letters.
     taken : iterable of str, optional
-        Further names that the code uses.
+        Further names that occur in the code.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
     Raises
     ------
     ValueError
-        For a name that is not an identifier, and for a reserved word.
+        If the name is not an identifier or is a reserved word.
 
     Examples
     --------
@@ -99,13 +99,13 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
     """
     plain = isinstance(name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", name) and len(name) <= LONGEST_NAME
     if plain:
-        capitals = "".join(word.capitalize() for word in name.split("_"))  # the class in Python
+        capitals = "".join(word.capitalize() for word in name.split("_"))  # name of the class in Python
         reserved = name in RESERVED | OWN or FAMILIES.fullmatch(name) or name.startswith("test_")
         if not reserved and {name, capitals}.isdisjoint(taken):
             return name
     raise ValueError(
         "name must be an identifier of small letters, digits and single underscores that begins with a letter, has at "
-        f"most {LONGEST_NAME} characters and is no word of a language, a library or this code, found {name!r:.60}"
+        f"most {LONGEST_NAME} characters and is not a word of a language, a library or this code, found {name!r:.60}"
     )
 
 
@@ -118,7 +118,7 @@ def head(
     record: str = "",
     date: str = "",
 ) -> list[str]:
-    """Return the lines at the head of the code. Text from outside is filtered."""
+    """Return the lines at the head of the code. Texts from outside lose all unusual characters."""
     for name, text in {"note": note, "time_unit": time_unit, "record": record, "date": date}.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, found {type(text).__name__}")
@@ -147,7 +147,7 @@ def head(
 
 
 def _margins(margins: Margins) -> str:
-    """Return a line with the numbers of the margins."""
+    """Return a line that lists the margins."""
     if not isinstance(margins, Margins):
         raise TypeError(f"margins must be Margins of a loop, found {type(margins).__name__}")
     if math.isnan(margins.ms):
@@ -157,10 +157,10 @@ def _margins(margins: Margins) -> str:
 
 
 def vector(k: Parameters) -> Vector:
-    """Return test inputs and the expected control signals.
+    """Return test inputs and the expected control signal.
 
-    The inputs are a set-point step, samples in manual mode, a tracked signal, a disturbance and two invalid
-    measurements. At the end the measurement moves far to both sides, until the control signal reaches both limits.
+    The inputs contain a set-point step, samples in manual mode, a tracked signal, a disturbance and two invalid
+    measurements. At the end the measurement moves so far to both sides that the control signal reaches both limits.
     """
     low, high = k.limits
     span = high - low if math.isfinite(high - low) else 2.0
@@ -188,7 +188,7 @@ def vector(k: Parameters) -> Vector:
 
 
 def written(k: Parameters, language: str, name: str, *, precision: str = "double", **about: Any) -> str:
-    """Write the code in one of the languages. `name` is the prefix in C, else the name of the block or class."""
+    """Write the code in one language. `name` is the prefix of names in C, or the name of the block or class."""
     import jinja2
 
     _check.choice("precision", precision, PRECISIONS)
@@ -212,18 +212,18 @@ def written(k: Parameters, language: str, name: str, *, precision: str = "double
 
 
 def _rows(values: Iterable[str], indent: str) -> str:
-    """Wrap values that are separated by commas."""
+    """Join values by commas, and wrap them into lines."""
     return textwrap.fill(", ".join(values), VALUES_WIDTH, initial_indent=indent, subsequent_indent=indent)
 
 
 def as_json(k: Parameters, **about: Any) -> str:
-    """Return the controller as JSON; infinite limits are null."""
+    """Return the controller as JSON, in which infinite limits are null."""
     stored = {"about": head(k, **about), "version": __version__, **content(k)}
     return json.dumps({**stored, "checksum": checksum(stored)}, indent=2) + "\n"
 
 
 def content(k: Parameters) -> dict[str, Any]:
-    """Return the fields of the JSON: parameters, coefficients and test vector."""
+    """Return the fields of the JSON, which are parameters, coefficients and test vector."""
     return {
         "controller": k.source,
         "sample_time": k.sample_time,
@@ -253,9 +253,9 @@ def content(k: Parameters) -> dict[str, Any]:
 
 
 def checksum(stored: dict[str, Any]) -> str:
-    """Return a checksum over the fields of a JSON, independent of their order and of the format of numbers.
+    """Return a checksum of the fields of a JSON. Neither the order of fields nor the format of numbers affects it.
 
-    It is not secret. It finds accidental changes in fields that the test vector does not cover.
+    The checksum is no protection against intent. It finds accidental changes in fields that the test vector misses.
     """
     fields = {name: value for name, value in stored.items() if name != "checksum"}
     return hashlib.sha256(canonical(fields).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Read a digital controller from its JSON. The file is data only, and every field is checked."""
+"""Read a digital controller from JSON. The file contains data only, and every field is checked."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from pidalab.digital.filters import FilterChain, Prefilter
 from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP
 from pidalab.plant.code.files import canonical, checksum, content
 
-LONGEST_FILE = 2_000_000  # characters, ten times the longest file that is written
-# fields that the controller has under the same name
+LONGEST_FILE = 2_000_000  # characters, ten times the length of the longest file that is written
+# The controller has these fields under the same names.
 SAME = ("sample_time", "method", "anti_windup", "deadband", "feedforward", "tunable")
-ABOUT = {"about", "version", "checksum"}  # fields without influence on the controller
+ABOUT = {"about", "version", "checksum"}  # these fields do not affect the controller
 
 
 def from_json(text: str) -> DigitalController:
-    """Read a controller from the text that its ``json()`` wrote.
+    """Read a controller from text that its ``json()`` wrote.
 
-    Nothing in the file is run or becomes code. The type and range of every field are checked. Coefficients and test
-    vector are computed again, and a file that differs is refused.
+    Nothing in the file is executed or becomes code. The type and range of every field are checked. Coefficients and
+    test vector are computed again, and an error is raised if they differ from the file.
 
     Parameters
     ----------
     text : str
-        The file.
+        Content of the file.
 
     Returns
     -------
     DigitalController
-        The same controller, which starts with its first measurement.
+        An equal controller, which starts at its first measurement.
 
     Raises
     ------
     TypeError
         If text is not a str.
     ValueError
-        For text that is not such a file, and for a file that was changed.
+        If the text is not such a file, or if the file was changed.
 
     Examples
     --------

@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 FIRST_TRIED, THEN = ("fopdt", "lags", "sopdt", "ipdt"), ("ifopdt", "sopdtz")
 MODELS = (*FIRST_TRIED, *THEN, "auto")
-SURPLUS = 1.1  # ratio of residuals to noise above which more models are tried
+SURPLUS = 1.1  # more models are tried if the residuals exceed the noise by this ratio
 WORKING_POINT = 0.15  # relative change of the gain between the working point of the record and others
-HIGHER = 0.75  # share of the plants whose gain is higher
-UNSETTLED = 1.05  # times the least residual, up to which an identifiable model is preferred
-MOVED = 0.05  # share of its span by which an input must move to count as moving
+HIGHER = 0.75  # share of the plants whose gain is raised
+UNSETTLED = 1.05  # an identifiable model is preferred up to this multiple of the least residual
+MOVED = 0.05  # an input moves if it changes by this share of its span
 MOST_UNEXPLAINED = 0.5  # largest model error, as a share of the movement of the output
-TRIMMED = 0.95  # probability that the true plant is likelier than the plants left out
+TRIMMED = 0.95  # less likely plants than this share of random plants are left out
 ALONE = "step the input by itself, from rest, with nothing else moving the output"
 
 
@@ -51,19 +51,20 @@ class Fit:
     process : Process
         The model.
     model : str
-        Its kind: "fopdt", "sopdt", "lags", "ipdt", "ifopdt" or "sopdtz".
+        Kind of the model: "fopdt", "sopdt", "lags", "ipdt", "ifopdt" or "sopdtz".
     parameters, uncertainty : mapping of str to float
-        Values, and their standard uncertainties, from the sensitivities of the output and the size and correlation of
-        the residuals. In closed loop the uncertainties are larger by a factor, see `fit`.
+        Values and their standard uncertainties. The uncertainties follow from the sensitivities of the output and from
+        the size and correlation of the residuals. In closed loop they are multiplied by a factor, see `fit`.
     residuals : ndarray, shape (n,)
-        Recorded less simulated output, at the times of the record or, for a long record, at averaged ones.
+        Recorded minus simulated output, at the times of the record or, for a long record, at averaged times.
     deviation : float
         Root mean square of the residuals, in the unit of y.
     noise : float
-        Standard deviation of the noise: the largest of that at rest, that of the residuals between samples (root mean
-        square of their second differences over the root of 6), and that of rounding.
+        Standard deviation of the noise. It is the largest of three values: the noise at rest, the noise of the
+        residuals between samples (root mean square of their second differences, divided by the root of 6), and the
+        rounding.
     reason : str
-        Why this model was chosen.
+        A sentence that says why this model was chosen.
     record : Record
         The record.
     """
@@ -83,23 +84,24 @@ class Fit:
     _times: float
 
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
-        """Return plants that the record does not rule out.
+        """Return random plants that the record does not rule out.
 
-        They are drawn from the joint uncertainty of the parameters, around the model and around models with a further
-        lag: the longest lag that raises the residuals by at most 3 %, and a middle one. In a record such a lag looks
-        like a little dead time, but in a loop it acts differently. Equal lags also have two unequal lags with a further
-        one as rivals. Plants with which the record is less likely than with 95 % of those around the same model are
-        left out.
+        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Others
+        have a further lag: the longest lag that raises the residuals by at most 3 %, and a medium lag. In a record such
+        a lag resembles a short dead time, but it acts differently in a loop. For equal lags, two unequal lags with a
+        further lag are also used. Around each model, the 5 % of plants with which the record is least likely are left
+        out.
 
-        All have more dead time than was fitted, by up to the interval in which the input changed, since a record shows
-        a change only at the next sample. (An input that moves at every sample is assumed to move at the samples.)
+        A record shows a change of the input only at the next sample. Therefore the dead time of all plants is increased
+        by up to the interval in which the input changed. (An input that moves at every sample is assumed to move
+        exactly at the samples.)
 
         Parameters
         ----------
         count : int, optional
-            How many.
+            Number of plants.
         seed : int, optional
-            Of the random numbers.
+            Seed of the random numbers.
 
         Returns
         -------
@@ -117,7 +119,7 @@ class Fit:
         count = _check.integer("count", count, at_least=0)
         values = np.delete(self._found.values, LEVEL)
         models = [(self._found.shape, values), *self._rivals]
-        # draw logarithms, so that times stay positive, and the dead time as a share of all times
+        # Draw logarithms, so that times stay positive. Draw the dead time as a share of the sum of all times.
         scale = np.abs(values)
         scale[-1] = np.sum(np.abs(values[1:])) or 1.0
         covariance = self._covariance / np.outer(scale, scale)
@@ -132,7 +134,7 @@ class Fit:
             for draw in draws:
                 turn = len(plants) % len(models)
                 shape, centre = models[turn]
-                if centre.size > draw.size:  # unequal lags: the draws of equal ones have no damping
+                if centre.size > draw.size:  # draws for equal lags have no damping, which unequal lags need
                     draw = np.insert(draw, draw.size - 1, 0.0)
                 drawn = centre * np.exp(np.clip(draw, -2.0, 2.0))
                 drawn[-1] = centre[-1] + draw[-1] * scale[-1]
@@ -140,19 +142,20 @@ class Fit:
                     continue
                 earlier = rng.uniform(0.0, self._data.unseen)
                 plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
-            shrunk *= 0.8  # few draws are likely where the parameters are strongly correlated
+            shrunk *= 0.8  # if parameters are strongly correlated, few draws are likely enough
         return plants
 
     def plants(self, count: int = 21) -> list[Process]:
         """Return the model and plants that the record allows, as a family to design for.
 
-        They are those of `spread`, most of them with a gain 15 % higher, the others 15 % lower: a record shows the gain
-        of one working point only, and a sticking valve moves less than it should.
+        The plants are those of `spread`. The gain of most plants is raised by 15 %, and the gain of the others is
+        lowered by 15 %. A record shows only the gain at one working point, and a sticking valve moves less than it
+        should.
 
         Parameters
         ----------
         count : int, optional
-            How many, including the model.
+            Number of plants, including the model.
 
         Returns
         -------
@@ -174,7 +177,7 @@ class Fit:
         return [self.process, *(Process(plant.num * gain, plant.den, plant.delay) for plant, gain in drawn)]
 
     def _squares(self, shape: Shape, values: Array) -> float:
-        """Return the sum of squares of a model with this gain and the best level and initial state."""
+        """Return the sum of squared residuals of a model with this gain and the best level and initial state."""
         basis = self._data.basis(shape, values[1:].tolist())
         left = self._data.y - values[0] * basis[:, 0]
         left = left - basis[:, 1:] @ np.linalg.lstsq(basis[:, 1:], left, rcond=None)[0]
@@ -186,15 +189,15 @@ class Fit:
 
     @property
     def nrmse(self) -> float:
-        """Goodness of fit: 1 - RMS of the residuals / standard deviation of y."""
+        """Goodness of fit: 1 minus the RMS of the residuals divided by the standard deviation of y."""
         return 1.0 - self.deviation / float(np.std(self._data.y))
 
     @cached_property
     def holdout(self) -> float:
-        """NRMSE of the hold-out data, the end of the record, predicted by a fit of the rest.
+        """NRMSE of the hold-out data, predicted by a model that was fitted to the other data.
 
-        The hold-out data are the last third or, if the input does not move in it, the samples after its last change.
-        nan if the input moves only once, or the output no more than noise.
+        The hold-out data are the last third of the record. If the input does not move there, they are the samples after
+        its last change. nan if the input moves only once, or if the output moves no more than noise.
         """
         data = self._data
         level = np.cumsum(data.changes)
@@ -202,7 +205,7 @@ class Fit:
         last = float(data.change_times[int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0])
         cut = min(data.t[0] + 2 / 3 * np.ptp(data.t), last - 1e-9 * np.ptp(data.t))
         if data.loaded and cut < data.t[0] + 0.5 * np.ptp(data.t):
-            return math.nan  # so short a part does not separate load and input
+            return math.nan  # the part before the hold-out data is too short to separate load and input
         early = data.until(cut)
         moves = np.ptp(np.append(np.cumsum(early.changes), 0.0))
         if moves <= MOVED * np.ptp(np.append(level, 0.0)) or early.t.size < 20:
@@ -223,12 +226,12 @@ class Fit:
 
     @property
     def incomplete(self) -> bool:
-        """Return True if the residuals are more than twice the noise."""
+        """True if the residuals are more than twice the noise."""
         return self.deviation > 2 * self.noise
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the model; `record` has its own."""
+        """Reservations about the model. Those about the record are in `record`."""
         doubts = []
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
@@ -242,12 +245,12 @@ class Fit:
         return tuple(doubts)
 
     def plot(self, ax: Axes) -> None:
-        """Draw recorded and simulated output and, below, the residuals in a band of twice the noise.
+        """Draw recorded and simulated output, and below them the residuals in a band of twice the noise.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes
-            Where.
+            Axes to draw into.
 
         Examples
         --------
@@ -303,13 +306,14 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     Parameters
     ----------
     record : Record
-        Any input that moves enough: one step, several, or the set-point change of a closed loop.
+        Record with an input that moves enough: one step, several steps, or the set-point change of a closed loop.
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz"}, optional
-        One lag, two poles with damping, up to eight equal lags, an integrator, an integrator with a lag, two poles and
-        a zero, each with dead time. "auto" takes the simplest identifiable model whose residuals are at most 3 % larger
-        than the least. It tries the last two if the others leave more than noise and no load is fitted.
+        In this order: a choice by `fit`, one lag, two poles with damping, up to eight equal lags, an integrator, an
+        integrator with a lag, and two poles with a zero. Every model has a dead time. "auto" chooses the simplest
+        identifiable model whose residuals are at most 3 % above the least. The last two models are tried only if the
+        others leave more than noise and no load is fitted.
     load : bool, optional
-        Also fit the size and time of a load step. With one, a loop at a constant set point shows its plant as well.
+        True to fit the size and time of a load step as well. Then a loop at a constant set point also shows its plant.
 
     Returns
     -------
@@ -320,9 +324,9 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     TypeError
         If `record` is not a Record.
     ValueError
-        For an unknown `model`, a record with outliers, an input that follows the output, an output that does not answer
-        or only drifts, parameters that are not identifiable, and a gain that contradicts the feedback in the record.
-        The message names an experiment that would help.
+        If `model` is unknown, the record has outliers, the input follows the output, the output does not respond or
+        only drifts, parameters are not identifiable, or the gain contradicts the feedback in the record. The message
+        names an experiment that would help.
 
     Examples
     --------
@@ -358,7 +362,7 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         raise ValueError(f"{failed}; step the input further, from rest")
     first = min(tried, key=lambda candidate: candidate.cost)
     if load and unexplained(data, first):
-        raise ValueError(DRIFTS)  # so many times and models would explain some noise as well
+        raise ValueError(DRIFTS)  # with so many load times and models, a fit explains some noise by chance
     settled = [candidate for candidate in tried if not unsettled(data, candidate)]
     settled.sort(key=lambda candidate: candidate.cost)
     if not settled or settled[0].deviation > UNSETTLED * first.near:
@@ -386,7 +390,7 @@ def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> boo
 
 
 def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[FitResult, str]:
-    """Return the simplest identifiable candidate close to the best, which is the first, and why it was chosen."""
+    """Return the simplest identifiable candidate close to the best (which is the first), and the reason."""
     near = [candidate for candidate in settled if candidate.deviation <= settled[0].near]
     chosen = min(near, key=lambda candidate: (candidate.values.size, candidate.cost))
     least: dict[str, float] = {}
@@ -403,7 +407,7 @@ def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[F
 def _result(record: Record, data: FitData, result: FitResult, reason: str) -> Fit:
     names = ["gain", *result.shape.parameters, "delay"]
     times = uncertainty.closed_loop_factor(record, result)
-    # further parameters belong to the initial state and the load
+    # Parameters beyond these belong to the initial state and the load.
     keep = np.delete(np.arange(len(result.shape.parameters) + 3), LEVEL)
     covariance = times**2 * uncertainty.covariance(result)[np.ix_(keep, keep)]
     parameters = dict(zip(names, result.values[keep].tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Step responses of simple models in closed form, and the least-squares search for their parameters."""
+"""Search the parameters of simple models by least squares, with step responses in closed form."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pidalab.plant.record import Record
 from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 
 MOST_LAGS = 8
-TABLE = 4001  # times at which the response behind a further lag is computed
+TABLE = 4001  # number of times at which the response of a model with a further lag is tabulated
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class Shape:
     Attributes
     ----------
     name : str
-        As in `fit`.
+        Name of the model, as in `fit`.
     parameters : tuple of str
-        Names of the shape's parameters.
+        Names of the parameters of the shape.
     step : callable
-        Returns the unit step response (0 before 0), from times and shape parameters.
+        Function of times and shape parameters that returns the unit step response (0 before time 0).
     process : callable
-        Returns the Process, from gain, shape parameters and dead time.
+        Function of gain, shape parameters and dead time that returns the Process.
     signed : int
-        How many of the parameters, the last ones, may be negative.
+        Number of parameters at the end of the list that may be negative.
     """
 
     name: str
@@ -51,7 +51,7 @@ def _second_order(t: Array, p: Sequence[float]) -> Array:
     tau, damping, zero = (*p, 0.0)[:3]
     x = np.maximum(t, 0.0) / tau
     apart = damping**2 - 1.0
-    # half the distance of the poles, imaginary for an oscillation; a double pole is replaced by two close ones
+    # `half` is half the distance of the poles, imaginary for an oscillation. Replace a double pole by two close poles.
     half = np.emath.sqrt(apart) if abs(apart) > 1e-10 else 1e-5
     slow = damping - half
     late, early = np.exp(-slow * x), np.exp(-(damping + half) * x)
@@ -60,7 +60,7 @@ def _second_order(t: Array, p: Sequence[float]) -> Array:
 
 
 def equal_lags(order: int) -> Shape:
-    """Return the shape of equal lags. Its step response is a regularised incomplete gamma function."""
+    """Return a shape with equal lags. Its step response is a regularised incomplete gamma function."""
     return Shape(
         "lags",
         ("lag",),
@@ -70,20 +70,21 @@ def equal_lags(order: int) -> Shape:
 
 
 def behind_lag(shape: Shape, lag: float) -> Shape:
-    """Return the shape with a further lag of fixed time constant in series.
+    """Return a shape with a further lag of fixed time constant in series.
 
-    The response is filtered as a table of straight pieces, for which the recursion is exact.
+    The response of the shape is tabulated. Between the times of the table it is taken as a straight line, for which the
+    recursion of the lag is exact.
     """
 
     def step(t: Array, p: Sequence[float]) -> Array:
         times = np.linspace(0.0, max(float(np.max(t)), lag), TABLE)
         x = times[1] / lag
-        # y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1} is exact for an input that is straight between the times
+        # y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1} is exact if u is a straight line between the times.
         a = np.exp(-x)
         b = -np.expm1(-x) / x
         inner = shape.step(times, p)
         driven = (1.0 - b) * inner + (b - a) * np.append(0.0, inner[:-1])
-        # the recursion as linear equations, with 1 on the diagonal and -a below it
+        # Write the recursion as linear equations, with 1 on the diagonal and -a below it.
         table = solve_banded((1, 0), np.vstack([np.ones(TABLE), np.full(TABLE, -a)]), driven)
         return np.asarray(np.interp(t, times, table), dtype=float)
 
@@ -120,20 +121,20 @@ LAGGED = Shape(
 SHAPES = {shape.name: [shape] for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)}
 SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 
-# changes of the input that are followed one by one; a record with more is put on a uniform grid
+# A record with more changes of the input is resampled to a uniform grid. Otherwise each change is simulated by itself.
 MOST_CHANGES = 60
-MOST_SAMPLES = 4000  # samples of a fit; a longer record is averaged over neighbours
-SUMMED_SAMPLES = 1000  # samples up to which a sum of products is faster than Fourier transforms
-BETTER = 0.03  # share by which the residual must fall for a model with one more parameter
-NONE = 1e-3  # dead time in samples that counts as none
+MOST_SAMPLES = 4000  # samples of a fit; in a longer record neighbouring samples are averaged
+SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
+BETTER = 0.03  # a model with one more parameter must lower the residual by this share
+NONE = 1e-3  # a dead time of fewer samples is set to 0
 LEVEL = 1  # index of the output's level among the parameters
-DESCENTS = 6  # descents from different starts; the lowest end counts
-# relative changes at which a descent ends: first all of them, then the lowest
+DESCENTS = 6  # number of descents from different starts, of which the lowest end is used
+# Descents end at these relative changes. The first applies to all descents, the second to the refinement of the lowest.
 SKETCHED, FINISHED = 1e-6, 1e-12
-MOST_DAMPED = 20.0  # damping beyond which a second order is in effect a first order
-LOADS = 46  # times at which a step of the load is tried
-HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags that are tried, as shares of all times of the model
-# starts of a descent, from the time in which the plant answers
+MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
+LOADS = 46  # number of times at which a step of the load is tried
+HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags to try, as shares of the sum of all times
+# A descent starts from these times, as functions of the time in which the plant responds.
 STARTS: dict[str, Callable[[float], list[list[float]]]] = {
     "ipdt": lambda time: [],
     "lags": lambda time: [[time / 3]],
@@ -143,24 +144,24 @@ STARTS: dict[str, Callable[[float], list[list[float]]]] = {
 
 
 class FitData(NamedTuple):
-    """A record in the form that a fit needs."""
+    """The data of a record in the form that a fit needs."""
 
     t: Array
     y: Array
     changes: Array  # changes of the input
     change_times: Array
-    unseen: float  # mean interval between samples in which the input changed
-    grid: float  # sampling interval of a uniform grid on which the input changes at every sample; 0 otherwise
+    unseen: float  # mean interval between the samples before and after a change of the input
+    grid: float  # sampling interval of a uniform grid on which the input may change at every sample, or 0
     free: bool = False  # True if the plant does not start from rest
-    load: float = np.nan  # time at which the output begins to answer a step of the load; nan for none
+    load: float = np.nan  # time at which the output begins to respond to a step of the load, or nan
 
     @property
     def loaded(self) -> bool:
-        """Return True if a step of the load moved the output as well."""
+        """True if a step of the load also moved the output."""
         return not np.isnan(self.load)
 
     def simulated(self, shape: Shape, p: Sequence[float], delay: float) -> Array:
-        """Return the response of the shape, with gain 1 and a dead time, to the recorded input."""
+        """Return the response of a shape, with gain 1 and a dead time, to the recorded input."""
         if self.grid:
             response = shape.step(self.t - self.t[0] - delay, p)
             if self.t.size <= SUMMED_SAMPLES:
@@ -172,7 +173,7 @@ class FitData(NamedTuple):
         return shape.step(elapsed.ravel(), p).reshape(elapsed.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
-        """Return the columns of the linear parameters: gain, level, a free initial state and its slope, a load."""
+        """Return the columns of the linear parameters: gain, level, a free initial state with its slope, and a load."""
         columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])
@@ -191,13 +192,13 @@ class FitData(NamedTuple):
 
 
 def prepared(record: Record) -> FitData:
-    """Return a record in the form that a fit needs."""
+    """Convert a record to the form that a fit needs."""
     t, u, y = record.t, record.u, record.y
     moved = np.diff(u, prepend=record.u_before)
     changed = np.flatnonzero(moved)
     free = not record.at_rest
     if changed.size > MOST_CHANGES:
-        # on a uniform grid the output is one convolution of the changes and the step response
+        # On a uniform grid the output is a single convolution of input changes and step response.
         count = min(MOST_SAMPLES, round(np.ptp(t) / record.sampling) + 1)
         uniform = np.linspace(t[0], t[-1], count)
         held = u[np.searchsorted(t, uniform, side="right") - 1]
@@ -207,21 +208,21 @@ def prepared(record: Record) -> FitData:
     unseen = float(np.mean(intervals[changed]))
     moments, changes = t[changed], moved[changed]
     if t.size > MOST_SAMPLES:
-        # averaging reduces noise, and the response is smooth over so short a time
+        # Average neighbours. This reduces noise, and the response hardly bends within so short a time.
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
     return FitData(t, y, changes, moments, unseen, 0.0, free)
 
 
 class FitResult(NamedTuple):
-    """The end of a descent."""
+    """The result of a descent."""
 
     shape: Shape
     values: Array  # gain, level, shape parameters, delay
     residuals: Array
     jacobian: Array
     converged: bool
-    data: FitData  # data with the load at its time
+    data: FitData  # data with the fitted time of the load
 
     @property
     def cost(self) -> float:
@@ -235,12 +236,12 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Root mean square of the residuals up to which another model is as good."""
+        """Root mean square of the residuals up to which another model counts as equally good."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
 def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult], str]:
-    """Search for each model, and return the results and the reason of the last failure."""
+    """Search for each model. Return the results, and the reason of the last failure."""
     tried, failed = [], ""
     for shape in (shape for model in models for shape in SHAPES[model]):
         try:
@@ -251,13 +252,13 @@ def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult],
 
 
 def search(data: FitData, shape: Shape) -> FitResult:
-    """Search the least squares over shape and dead time from a grid of starts.
+    """Find the least squares over shape and dead time, with descents from a grid of starts.
 
     Notes
     -----
-    Gain, level, initial state and load enter linearly: `projected` solves for them at each try (variable projection,
-    Golub and Pereyra 1973). The grid is cut into parts of neighbouring shapes, and a descent begins at the best start
-    of each. So an oscillation is tried as well as an overdamped shape. The lowest end is refined once more.
+    Gain, level, initial state and load enter linearly, and `projected` solves for them at each step of the search
+    (variable projection, Golub and Pereyra 1973). The grid is divided into parts with similar shapes. A descent begins
+    at the best start of each part, so both oscillating and overdamped shapes are tried. The lowest end is refined.
     """
     span = data.t[-1] - float(data.change_times[0])
     delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
@@ -278,7 +279,7 @@ def search(data: FitData, shape: Shape) -> FitResult:
 
 
 def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, Array]:
-    """Return the residuals with the best linear parameters, and these."""
+    """Return the residuals with the best linear parameters, and these parameters."""
     basis = data.basis(shape, p)
     linear, *_ = np.linalg.lstsq(basis, data.y, rcond=None)
     return np.asarray(data.y - basis @ linear, dtype=float), np.asarray(linear, dtype=float)
@@ -287,7 +288,7 @@ def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, A
 def refined(
     data: FitData, shape: Shape, start: Sequence[float], span: float, near: float = FINISHED
 ) -> FitResult:
-    """Descend from one start until relative changes are below `near`. Times are searched by their logarithms."""
+    """Descend from one start until relative changes are below `near`. The search uses logarithms of the times."""
     count = len(shape.parameters) - shape.signed
 
     def times(x: Array) -> list[float]:
@@ -297,7 +298,7 @@ def refined(
         return data._replace(load=data.t[0] + span * float(x[-1])) if data.loaded else data
 
     low, high = [-9.0] * count + [-1.0] * shape.signed, [3.0] * count + [1.0] * shape.signed
-    if "damping" in shape.parameters:  # it is the second one, scaled like the times
+    if "damping" in shape.parameters:  # damping is the second parameter and is scaled like the times
         low[1], high[1] = np.log(0.02 / span), np.log(MOST_DAMPED / span)
     x = np.array(start) / span
     x[:count] = np.log(x[:count])
@@ -312,7 +313,7 @@ def refined(
         lambda x: projected(placed(x), shape, times(x))[0], x, bounds=(low, high), **options
     )
     p, data = times(solution.x), placed(solution.x)
-    # the search stops just above its bound, and no record tells so short a dead time from none
+    # The search stops just above its lower bound. No record shows so short a dead time, so set it to 0.
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, linear = projected(data, shape, p)
     jacobian = _sensitivity(data, shape, linear, p)
@@ -320,7 +321,7 @@ def refined(
 
 
 def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
-    """Return the derivatives of the simulated output by gain, level, shape and dead time, and the initial state."""
+    """Return the derivatives of the simulated output with respect to all parameters, including the initial state."""
     basis = data.basis(shape, p)
     columns = [basis[:, 0], basis[:, 1]]
     whole = max(float(np.sum(np.abs(p))), 1e-3 * float(np.ptp(data.t)))
@@ -337,7 +338,7 @@ def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float])
 
 
 def loaded(data: FitData) -> FitData:
-    """Return the data with a step of the load where one explains most of what the input does not."""
+    """Add a step of the load at the time at which it explains most of the remaining output."""
     span = float(np.ptp(data.t))
     models = span * np.array([*product((0.01, 0.03, 0.1, 0.3), (0.0, 0.01, 0.03, 0.1))])
 
@@ -349,9 +350,9 @@ def loaded(data: FitData) -> FitData:
 
 
 def rivals(data: FitData, found: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return models with one more lag that the record does not rule out: the longest such lag, and a middle one.
+    """Return models with one more lag that the record does not rule out, with the longest such lag and a medium lag.
 
-    Equal lags have unequal ones as further rivals, since these change a record about as a mean lag does.
+    If the model has equal lags, unequal lags are rivals too, since they change a record almost as equal lags do.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, found, span, found.near)
@@ -361,13 +362,13 @@ def rivals(data: FitData, found: FitResult) -> tuple[tuple[Shape, Array], ...]:
 
 
 def _hidden(data: FitData, found: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
-    """Return the model with the longest further lag that still fits, and one with a middle lag."""
+    """Return the model with the longest further lag that still fits, and the model with a medium lag."""
     *times, delay = found.values[2:].tolist()
-    # an integrator without dead time can hide a lag of one sample
+    # Include one sample, since an integrator without dead time can hide a lag of one sample.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
-        # start with the further lag in place of dead time
+        # Start with the further lag replacing dead time.
         rival = refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))

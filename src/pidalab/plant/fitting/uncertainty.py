@@ -1,4 +1,4 @@
-"""Uncertainty of a model, and reasons why a record does not identify one: noise, drift, feedback."""
+"""Compute the uncertainty of a model, and find out if noise, drift or feedback prevent its identification."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, F
 from pidalab.plant.record import Record
 from pidalab.plant.record.cleaning import FEWEST, FOLLOWER, MANY_LEVELS, MOVING
 
-BLIND = 1e7  # condition number of the scaled sensitivities above which parameters are not identifiable
-SURE = 3.0  # standard uncertainties by which a gain must differ from 0, for its sign to be known
-# share of the variance of the output that a model has to explain: otherwise most of the movement came from elsewhere,
-# and the noise may hide an answer of the other sign
+BLIND = 1e7  # parameters are not identifiable if the scaled sensitivities have a larger condition number
+SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this number of standard uncertainties
+# A model must explain this share of the output's variance. Otherwise most of the movement has other causes, and the
+# noise may hide a response of the other sign.
 EXPLAINED = 0.5
-FED_BACK = 0.3  # agreement of the signs of the changes of u and y above which a controller makes u
-COLOURED = 1.5  # samples that share one error, above which residuals are not white noise
+FED_BACK = 0.3  # u follows y if the signs of their changes agree or disagree more than this
+COLOURED = 1.5  # if more samples share one error, the residuals are not white noise
 CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties for coloured and for white residuals
-CHANCE = 0.003  # probability that a drift looks like an answer, or chance like feedback
-OPPOSED = 0.8  # the same of u and the residuals, above which it is not by chance
+CHANCE = 0.003  # accepted probability that a drift looks like a response, or chance like feedback
+OPPOSED = 0.8  # if the signs of u and the residuals disagree more than this, it is not by chance
 
 DRIFTS = (
     "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
@@ -30,9 +30,9 @@ DRIFTS = (
 
 
 def drifts(data: FitData) -> bool:
-    """Return True if first-order responses to the input explain nothing that a parabola in time does not.
+    """Return True if first-order responses to the input explain nothing more than a parabola in time does.
 
-    If the record does not begin at rest, the plant may come to rest as well, with any time constant.
+    If the record does not begin at rest, the parabola is extended by decays with several time constants.
     """
     x = (data.t - data.t[0]) / np.ptp(data.t)
     parabola = np.vander(x, 3)
@@ -48,7 +48,7 @@ def drifts(data: FitData) -> bool:
 
 
 def unsettled(data: FitData, found: FitResult) -> str:
-    """Return why a model is not identifiable and which experiment would help; empty if it is."""
+    """Return why a model is not identifiable and which experiment would help, or an empty text if it is."""
     shape, values, J = found.shape, found.values, found.jacobian
     if values[0] == 0 or not np.all(np.isfinite(values)):
         return "the output does not answer to the input: no gain can be found"
@@ -58,7 +58,7 @@ def unsettled(data: FitData, found: FitResult) -> str:
             f"the output answers by {answer:.3g}, not clearly above the residuals of {found.deviation:.3g}: the step "
             "is too small against the noise, or something else moved the output; make a larger step, from rest"
         )
-    # sensitivities scaled to the change that each parameter makes
+    # Scale the sensitivities by the change that each parameter causes.
     scaled = J / np.linalg.norm(J, axis=0)
     if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > BLIND:
         return (
@@ -81,7 +81,7 @@ def unsettled(data: FitData, found: FitResult) -> str:
 
 
 def unexplained(data: FitData, found: FitResult) -> str:
-    """Return why a model explains too little of the output; empty if it explains enough."""
+    """Return why a model explains too little of the output, or an empty text if it explains enough."""
     share = 1.0 - found.cost / float(np.sum((data.y - data.y.mean()) ** 2))
     if share >= EXPLAINED:
         return ""
@@ -94,7 +94,7 @@ def unexplained(data: FitData, found: FitResult) -> str:
 
 
 def covariance(found: FitResult) -> Array:
-    """Return the covariance of the parameters: that for white residuals, times the samples that share one error."""
+    """Return the covariance of the parameters for white residuals, times the number of samples that share an error."""
     r, J = found.residuals, found.jacobian
     freedom = max(1, r.size - J.shape[1])
     variance = float(r @ r) / freedom
@@ -106,22 +106,22 @@ def covariance(found: FitResult) -> Array:
 
 
 def rough(x: Array) -> Array:
-    """Return a signal less its running median."""
+    """Subtract the running median from a signal."""
     return np.asarray(x - median_filter(x, 9, mode="mirror"), dtype=float)
 
 
 def closed_loop_factor(record: Record, found: FitResult) -> float:
-    """Return the factor of the uncertainties in closed loop, 1 in open loop.
+    """Return the factor by which the uncertainties grow in closed loop. It is 1 in open loop.
 
     Notes
     -----
-    A controller feeds disturbances back to u. White noise does not bias a fit from u to y. Slower disturbances do, by
-    an amount that the record does not show. The factors are calibrated by simulated loops of random first-order plants,
-    as in the tests. Each is the 95 % quantile of the error of the gain, which is the largest, over 1.96 standard
-    uncertainties, rounded up: 1.22 in 99 loops with white noise, 6.8 in 114 loops with a wandering load. In loops with
-    other random numbers the stated intervals contained each parameter in at least 90 %.
+    A controller feeds disturbances back to u. White noise does not bias a fit from u to y. Slower disturbances bias it
+    by an amount that the record does not show. The factors were calibrated with simulated loops of random first-order
+    plants, as in the tests. The gain has the largest errors. The 95 % quantile of its error, divided by 1.96 standard
+    uncertainties, is 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load. Both are rounded
+    up. In loops with other random numbers at least 90 % of the stated intervals contained each parameter.
     """
-    # noise passes from y to u within a sample; signs are used, so that a step of the set point counts as one sample
+    # Noise passes from y to u within a sample. Compare only signs, so that a set-point step counts as one sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
     by_hand = record.experiment not in (FOLLOWER, MANY_LEVELS, MOVING)
     if by_hand or max(_agreement(du, dy), _agreement(du[1:], dy[:-1])) < FED_BACK:
@@ -130,10 +130,10 @@ def closed_loop_factor(record: Record, found: FitResult) -> float:
 
 
 def runs_away(record: Record, data: FitData, found: FitResult) -> str:
-    """Return why a model contradicts the feedback that the record shows; empty if it does not.
+    """Return why a model contradicts the feedback that the record shows, or an empty text if it does not.
 
     In closed loop the controller reacts to disturbances. Then u and the residuals change at the same samples, with
-    opposite signs if the gain of the plant is positive. In open loop their signs agree by chance only.
+    opposite signs if the gain of the plant is positive. In open loop their signs agree only by chance.
     """
     left = _residuals(record, data, found)
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(left)))
@@ -145,12 +145,12 @@ def runs_away(record: Record, data: FitData, found: FitResult) -> str:
     return (
         f"u answers to y in this record, as in a closed loop, and with the fitted gain of {gain:.3g} that loop would "
         "run away: the u of the record is not what reached the plant, or something else moved the output; log u "
-        "behind the limits of the actuator, or step it by hand"
+        "after the limits of the actuator, or step it by hand"
     )
 
 
 def _agreement(a: Array, b: Array) -> float:
-    """Return how much signs agree or disagree where neither is 0, from 0 (by chance) to 1 (always)."""
+    """Return how often signs agree or disagree where neither is 0, scaled from 0 (by chance) to 1 (always)."""
     both = np.count_nonzero(a * b)
     return abs(float(a @ b)) / both if both > FEWEST else 0.0
 
@@ -165,7 +165,7 @@ def samples_per_error(r: Array) -> float:
 
 
 def noise_of(record: Record, data: FitData, found: FitResult) -> float:
-    """Return the larger of the noise at rest and of the changes of the residuals between samples."""
+    """Return the larger of two estimates: the noise at rest, and the changes of the residuals between samples."""
     changes = np.diff(_residuals(record, data, found), 2)
     return max(record.noise.deviation, float(np.sqrt(np.mean(changes**2) / 6)))
 

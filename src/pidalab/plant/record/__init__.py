@@ -1,4 +1,4 @@
-"""A record of a plant: its steps, state of rest, noise and doubts, before a model is fitted."""
+"""Records of a plant, with their steps, state of rest, noise and doubts, before a model is fitted."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from pidalab.plant.record import cleaning
 from pidalab.plant.record.cleaning import MOVING, Step, column
 from pidalab.plant.record.reading import read_columns
 
-LONG_INTERVAL = 5.0  # times the usual sampling interval: a longer one is a gap
-FEW_LEVELS = 20  # levels of y, up to which their number is doubted
-LONG = 0.1  # share of the samples that a moving input may stay at its largest or least value
-SAME_PERIOD = 0.01  # share by which the times of a file may differ from a period
+LONG_INTERVAL = 5.0  # a sampling interval longer than this number of median intervals is a gap
+FEW_LEVELS = 20  # a doubt is given if y has at most this number of levels
+LONG = 0.1  # a moving input may stay at its largest or smallest value for this share of the samples
+SAME_PERIOD = 0.01  # share by which the times of a file may differ from a given period
 TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
-RAMP_SAMPLES = 5  # samples between two levels of the input, beyond which the change is doubted
+RAMP_SAMPLES = 5  # a doubt is given if the input takes more samples to change between two levels
 
 
 class Noise(NamedTuple):
@@ -33,9 +33,9 @@ class Noise(NamedTuple):
     deviation : float
         Standard deviation, in the unit of y.
     correlation : float
-        Correlation of neighbouring samples: 0 for white noise, near 1 for a slow disturbance.
+        Correlation of neighbouring samples. It is 0 for white noise and near 1 for a slow disturbance.
     samples : int
-        Number of samples at rest; 0 if the deviation comes from second differences instead.
+        Number of samples at rest. It is 0 if the deviation comes from second differences instead.
     """
 
     deviation: float
@@ -45,7 +45,7 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Record:
-    """A record of a plant: times, input and output, cleaned, with doubts about them.
+    """A record of a plant, with times, input and output. The data are cleaned, and doubts say how.
 
     Samples with a missing value are left out, times are sorted, and samples of the same time are averaged. A counter
     that restarts is continued. Nothing is smoothed or resampled.
@@ -53,45 +53,45 @@ class Record:
     Parameters
     ----------
     t : array_like, shape (n,)
-        Times, in any order, not necessarily uniform. All results have their unit of time.
+        Times in any order and not necessarily uniform. All results are in this unit of time.
     u : array_like, shape (n,)
-        Input of the plant (valve, heater), held from each sample to the next.
+        Input of the plant (such as a valve or heater), held from each sample to the next.
     y : array_like, shape (n,)
         Measured output.
     u_before : float, optional
-        Input at which the plant was at rest before the record, for a record that begins with its step. By default the
-        first input, or that of an earlier row of the same time.
+        Input at which the plant was at rest before the record. Give it if the record begins with its step. By default
+        the first input, or the input of an earlier row with the same time.
     outliers : {"drop", "keep"}, optional
-        What to do with outputs that are far from their neighbours, or stand still to the last digit after they moved,
-        as with a sensor at the end of its range. By default they are doubted, and `identification.fit` refuses the
+        Treatment of outputs that are far from their neighbours, or that stand still to the last digit after they moved.
+        (A sensor at the end of its range does so.) By default they are doubted, and `identification.fit` refuses the
         record.
     rows : array_like, shape (n,), optional
-        Numbers of the samples in their file, for doubts and errors.
+        Numbers of the samples in their file, which doubts and errors refer to.
 
     Attributes
     ----------
     u_before : float
     steps : tuple of Step
-        Changes of the input between lasting levels, in the order of time; empty for a closed loop's record.
+        Changes of the input between lasting levels, in the order of time. Empty for a record of a closed loop.
     experiment : str
         The kind of experiment, in words.
     rest : float
         Output at rest, before the first change of the input.
     noise : Noise
     at_rest : bool
-        True if the plant was at rest when the input first moved; assumed if the record begins with a step.
+        True if the plant was at rest when the input first moved. Assumed if the record begins with a step.
     outlier_note : str
-        The outputs that `outliers` is about, in words; empty if there are none, or if they were dropped or kept.
+        Description of the outputs that `outliers` concerns. Empty if there are none, or if they were dropped or kept.
     doubts : tuple of str
         Reservations about the record.
     time_unit, date : str
-        Unit of the times, as in "s", and date of the first sample; empty if the file does not say.
+        Unit of the times, such as "s", and date of the first sample. Empty if the file does not contain them.
 
     Raises
     ------
     ValueError
-        For fewer than 20 usable samples, arrays of different length, an input or an output that never changes, an
-        input that is a clock or a copy of the output, and times that go back in more than 5 % of the samples.
+        If there are fewer than 20 usable samples; if arrays differ in length; if the input or the output never changes;
+        if the input is a clock or a copy of the output; or if the time goes back in more than 5 % of the samples.
 
     Examples
     --------
@@ -176,39 +176,39 @@ class Record:
         outliers: Literal["drop", "keep"] | None = None,
         run: int | None = None,
     ) -> Record:
-        """Read a record from a delimited text file, as historians write them.
+        """Read a record from a delimited text file, such as those that historians write.
 
-        Units below the names, per cent signs, brackets, thousands separators, and lines after the last number are
-        recognised. Doubts say what was done with them.
+        Units below the names, per cent signs, brackets, thousands separators and lines after the last number are
+        recognised. Doubts say what was changed.
 
         Parameters
         ----------
         path : str or pathlib.Path
             The file.
         time, u, y : str or int, optional
-            Names in the header, or numbers of the columns from 0. By default the columns that the header calls "time",
-            "u" and "y", or else the first three. Times are numbers, dates or times of day; dates and times of day
-            become seconds.
+            Names in the header, or numbers of the columns from 0. By default the columns named "time", "u" and "y", or
+            else the first three. Times may be numbers, dates or times of day. Dates and times of day are converted to
+            seconds.
         delimiter : str, optional
-            Between the columns; found out if not given.
+            Text between the columns, which is detected if not given.
         period : float, optional
-            Time between samples, for a file without times. Refused if the column `time` holds other times.
+            Time between samples, for a file without times. Refused if the column `time` contradicts it.
         skip : int, optional
             Lines to leave out at the beginning of the file.
         u_before, outliers : optional
             As for `Record`.
         run : int, optional
-            Which of several runs in the file, from 1. A new run begins where the time restarts.
+            Number of the run to read, from 1, if the file contains several. A new run begins where the time restarts.
 
         Returns
         -------
         Record
-            With its `time_unit` and `date` if the file has them. Dates count from the first sample.
+            The record, with its `time_unit` and `date` if the file has them. Dates count from the first sample.
 
         Raises
         ------
         ValueError
-            For a missing column, two roles on one column, or an entry that is not a number, with its row.
+            If a column is missing, if two roles share a column, or if an entry is not a number. The row is named.
 
         Examples
         --------
@@ -265,7 +265,7 @@ class Record:
         Raises
         ------
         ValueError
-            For a record without one, and for one with several.
+            If the input does not change, or changes several times.
         """
         if not self.steps:
             raise ValueError("the record has no step of the input between levels; fit takes any input")
@@ -275,12 +275,12 @@ class Record:
         return self.steps[0]
 
     def uniform(self) -> tuple[Array, Array, Array]:
-        """Return times, input and output at the median interval, with the first change of the input on the grid.
+        """Return times, input and output at the median interval. The first change of the input lies on the grid.
 
         Returns
         -------
         t, u, y : ndarray, shape (n,)
-            Times from 0; the held input, constant until its first step; the interpolated output.
+            Times from 0; the held input, which is constant until its first step; and the interpolated output.
 
         Examples
         --------
@@ -300,17 +300,17 @@ class Record:
         return h * np.arange(grid.size, dtype=float), u, y
 
     def after_step(self) -> tuple[Array, Array]:
-        """Return times and output from the step on, as the response to a unit step from rest.
+        """Return times and output from the step on, scaled to the response to a unit step from rest.
 
         Returns
         -------
         t, y : ndarray
-            Uniform times from 0, at the median interval, and the interpolated deviation from rest over the step.
+            Uniform times from 0 at the median interval, and the interpolated deviation from rest, divided by the step.
 
         Raises
         ------
         ValueError
-            For a record without a step, and for one with a further change of the input after it.
+            If the record has no step, or if the input changes again after the step.
 
         Examples
         --------
@@ -391,11 +391,11 @@ class Record:
 
 
 def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
-    """Refuse a period that contradicts the times of the file. Doubt one if a column counts samples."""
+    """Raise if a period contradicts the times of the file. Return a doubt if a column counts samples."""
     try:
         clock = read_columns(*source)
     except ValueError:
-        return []  # there is no such column, or it holds no times
+        return []  # this column does not exist or does not contain times
     steps, name = np.diff(clock.values[0]), clock.names[0] or clock.places[0]
     interval = float(np.median(steps)) if steps.size and clock.places[0] not in taken else np.nan
     if not interval > 0 or np.any(steps < 0) or abs(interval / period - 1) < SAME_PERIOD:
@@ -409,10 +409,10 @@ def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
-    """Return level and noise before the first change of the input, and True if the output rests there."""
+    """Return level and noise before the first change of the input, and whether the output rests there."""
     rounding = _quantum(whole) / np.sqrt(12)
     if y.size < 8:
-        # second differences show noise and hardly show a smooth response
+        # Second differences contain the noise but almost nothing of a smooth response.
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
         doubts.append(doubt("few before", count=y.size))
         return float(np.median(y if y.size else whole[0])), Noise(max(deviation, rounding), 0.0, 0), False
@@ -429,7 +429,7 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
 
 
 def _quantum(y: Array) -> float:
-    """Return the least distance between two values of a rounded signal, in which most values recur; else 0."""
+    """Return the least distance between two values of a rounded signal, or 0 if most values do not recur."""
     levels = np.unique(y)
     return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0
 

@@ -1,4 +1,4 @@
-"""Clean the columns of a record, find probable errors of the sensor, and find the steps of the input."""
+"""Clean the columns of a record, find probable sensor errors, and find the steps of the input."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
-FEWEST = 20  # least number of samples from which conclusions are drawn
+FEWEST = 20  # least number of samples for a conclusion
 # Longest interval between two samples in which a counter restarts, in median intervals.
 LONGEST_WRAP = 10
-# If the time goes back by more than this number of median intervals, a new run may begin. Smaller steps back only mean
-# that samples are not in order.
+# If the time goes back by more than this number of median intervals, a new run may begin. Smaller steps back mean only
+# that the samples are not in order.
 OVERLAP = 3
 # Values at which counters restart.
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
@@ -26,15 +26,15 @@ COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2
 STILL, STILL_SHARE = 15, 0.05
 # The movement of an output before it stands still is measured over the last 10 samples, and over the last 3.
 BEFORE, JUST_BEFORE = 10, 3
-# If the movement over the last 3 samples is at most this share of that over 10, the plant came to rest by itself.
+# If the movement over the last 3 samples is at most this share of that over 10, the plant itself came to rest.
 SLOWED = 0.1
-# Least movement over the last 10 samples, in steps of the rounding of the output and as a share of its span.
+# Least movement over the last 10 samples, in rounding steps of the output and as a share of its span.
 MANY_STEPS, LITTLE = 2.5, 0.005
-# Least differences of an input from a straight line over time, and from a linear function of the output, as shares of
-# the input's span.
+# An input with smaller differences from a straight line over time is a clock. An input with smaller differences from a
+# linear function of the output is a copy. Both differences are shares of the input's span.
 STRAIGHT, COPY = 0.01, 1e-4
-DISORDER = 0.05  # largest share of samples whose time may lie before that of a preceding sample
-LISTED = 4  # largest number of entries of a list in a message; the other entries are counted
+DISORDER = 0.05  # largest share of samples whose time may lie before that of an earlier sample
+LISTED = 4  # largest number of entries of a list in a message; further entries are counted
 
 Places = NDArray[np.intp]  # indices of samples
 
@@ -90,7 +90,7 @@ def cleaned(
 def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
     """Return times by which the samples can be sorted.
 
-    If the time is a counter that restarts, it is continued. If the record holds several runs, an error is raised.
+    If the time is a counter that restarts, it is continued. If the record contains several runs, an error is raised.
     """
     steps = np.diff(t)
     back = steps < 0
@@ -122,7 +122,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first sample of each run. A new run begins where the time goes back far between two long runs."""
+    """Return the first sample of each run. A new run begins where the time goes far back between two long runs."""
     edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
     rising = np.diff(t)[np.diff(t) > 0]
     usual = float(np.median(rising)) if rising.size else 0.0
@@ -135,7 +135,7 @@ def run_starts(t: Array) -> list[int]:
 
 
 def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
-    """Raise if the input is a copy of the output, or a clock or counter although no ramp was declared."""
+    """Raise if the input is a copy of the output, or if it is a clock or counter and no ramp was declared."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
     remedy = "name the column of the plant's input (--u); without the input no model can be fitted"
@@ -162,7 +162,7 @@ def far_off(y: Array) -> Places:
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
         return known[:0]
-    # The output is mirrored at its ends, so that the first and the last sample have neighbours on both sides.
+    # Mirror the output at its ends, so that the first and the last sample have neighbours on both sides.
     away = np.abs(y[known] - median_filter(y[known], 9, mode="mirror"))
     low, high = np.quantile(y[known], [0.02, 0.98])
     return known[away > max(8 * float(np.quantile(away, 0.95)), 0.2 * float(high - low))]
@@ -171,9 +171,9 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    The output of a sensor at the end of its range stands still to the last digit, and so does the log of a lost sensor.
-    The output of a plant that comes to rest slows down first. A rounded output also stands still, but between steps of
-    its rounding. Neither is returned.
+    A sensor at the end of its range gives an output that stands still to the last digit. So does a lost sensor in a
+    log. In contrast, the output of a plant that comes to rest slows down first, and a rounded output stands still
+    between rounding steps. These two are not returned.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -187,7 +187,7 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        # At the turn of a slow oscillation a rounded output moves by single steps, with several equal values between.
+        # Near the turn of a slow oscillation a rounded output moves by single steps, with several equal values between.
         crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
         enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
         if way > enough and last > SLOWED * way and not crept:
@@ -224,10 +224,10 @@ def _first_few(entries: Sequence[str]) -> str:
     return ", ".join(entries[:LISTED]) + further
 
 
-CREEP = 0.1  # largest movement of the input within one level, as a share of the span of the input
+CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
-MANY = 12  # an input with this number of levels or more, rounded to a hundredth of its span, has no separate steps
-FOLLOWS = 0.98  # an input follows the output if the output explains a larger share of its variance
+MANY = 12  # an input with at least this number of levels, rounded to a hundredth of its span, has no separate steps
+FOLLOWS = 0.98  # an input follows the output if the output explains a larger share of the input's variance
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
@@ -251,12 +251,12 @@ class Step(NamedTuple):
 
 def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     """Find the changes of the input between lasting levels. A ramp of a few samples is one change at its middle."""
-    # The input before the record counts as a level.
+    # Let the input before the record count as a level.
     t, u = np.append(np.full(SHORTEST_LEVEL, t[0]), t), np.append(np.full(SHORTEST_LEVEL, before), u)
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [  # samples a to b are one level, unless the input moves slowly by more than `CREEP`
+    runs = [  # samples a to b are one level, unless the input slowly moves by more than `CREEP`
         (a, b)
         for a, b in edges.reshape(-1, 2)
         if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span
@@ -268,14 +268,14 @@ def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     steps = []
     for (_, left), (right, _), low, high in zip(runs, runs[1:], levels, levels[1:], strict=False):
         if abs(high - low) > 0.05 * span:
-            # The input is held from each sample to the next, so a jump happens at the sample with the new value.
+            # The input is held from each sample to the next, so it jumps at the sample with the new value.
             crossed = left + int(np.argmax(np.abs(u[left : right + 1] - low) >= 0.5 * np.abs(high - low)))
             steps.append(Step(float(t[crossed]), low, high))
     return tuple(steps)
 
 
 def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> str:
-    """Name the kind of experiment."""
+    """Return the kind of experiment in words."""
     levels = np.unique(np.round((u - u.min()) / (np.ptp(u) or 1.0), 2))
     if levels.size == 2 and (len(steps) > 3 or not steps):
         return "a binary test signal (PRBS)"
@@ -293,8 +293,8 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     peak = int(np.argmax(power))
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
-    # With a constant set point, a controller computes the input from the present output and its integral. If the input
-    # is the cause, the later outputs explain it better than the present ones.
+    # At a constant set point, a controller computes the input from the present output and its integral. If instead the
+    # input is the cause, later outputs explain it better than present outputs.
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
     scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
 
@@ -310,5 +310,5 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
 
 
 def list_steps(steps: tuple[Step, ...]) -> str:
-    """List the first steps in words."""
+    """Describe the first steps, and count the others."""
     return _first_few([f"step from {s.before:.6g} to {s.after:.6g} at {s.time:.6g}" for s in steps]) or "none"

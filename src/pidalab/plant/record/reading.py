@@ -1,4 +1,4 @@
-"""Read columns of a text file as numbers. An error names the row and the remedy."""
+"""Read columns of a text file as numbers. Errors name the row and the remedy."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MISSING = {"", "-", "?", "nan", "na", "n/a", "#n/a", "null", "none", "unavailabl
 MISSING |= {"bad", "bad input", "no data", "i/o timeout"}
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 BRACKETS = " \t[]{}();'\""
-# the beginning of dates and times of day
+# This matches the beginning of dates and times of day.
 STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
-GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas after the thousands
-BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # or blanks
-# a number with a decimal comma; points must separate thousands
+GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas separate thousands
+BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # blanks separate thousands
+# In a number with a decimal comma, points may only separate thousands.
 WITH_COMMA = re.compile(r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-# after a number; blanks before it are removed separately, which keeps the search linear
+# This sign follows a number. Blanks before it are removed separately, which keeps the search linear.
 SIGN = re.compile(r"(%|°\s{0,9}[CF]?)$")
 
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
@@ -33,25 +33,25 @@ DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y",
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
 DAY = 86400.0  # seconds
-# times above 1e8 s, the year 1973, count from 1970 in one of these units
+# Times above 1e8 s, which corresponds to the year 1973, count from 1970 in one of these units.
 EPOCHS = {"nanoseconds": 1e9, "microseconds": 1e6, "milliseconds": 1e3, "s": 1.0}
 UNIT = re.compile(
     r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
     re.IGNORECASE,
 )
-QUOTED = 60  # characters of the file in a message
-SAMPLE = 50  # lines from which the form of a file is recognised, and names of columns in a message
-LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters, columns
+QUOTED = 60  # largest number of characters of the file that a message quotes
+SAMPLE = 50  # lines from which the format is detected, and largest number of column names in a message
+LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters of a row, and columns
 
 
-PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if none is named or has the name of its role
+PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if no name is given and the header has no such name
 
 
 class Columns(NamedTuple):
-    """Columns of a file as numbers, nan where a value is missing.
+    """Columns of a file as numbers, with nan for missing values.
 
-    `rows` are their rows in the file, `places` their numbers from 0. `time_unit` and `date` (of the first sample) are
-    empty if unknown.
+    `rows` are the row numbers in the file, and `places` are the column numbers from 0. `time_unit`, and `date` of the
+    first sample, are empty if unknown.
     """
 
     values: tuple[Array, ...]
@@ -71,15 +71,15 @@ def read_columns(
     Parameters
     ----------
     path : pathlib.Path
-        The file; UTF-8 or UTF-16 with or without a byte order mark, or Latin-1.
+        The file in UTF-8 or UTF-16, with or without a byte order mark, or in Latin-1.
     wanted : mapping of str to str, int or None
-        For each role, "time", "u" or "y": its name in the header, or the number of its column from 0. None takes the
-        column that has the name of its role, or else the usual place, with a doubt if the file has further columns.
-        Times may be dates.
+        For each role, "time", "u" or "y", the name of its column in the header or the number of its column from 0. For
+        None, the column with the name of the role is used, or else the usual place. If the file has further columns, a
+        doubt is given. Times may be dates.
     delimiter : str or None
-        Between the columns, as a regular expression if longer than a character. None finds it out.
+        Text between the columns. A longer text than one character is a regular expression. None detects it.
     skip : int
-        Lines to leave out at the beginning.
+        Number of lines to skip at the beginning.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def read_columns(
     Raises
     ------
     ValueError
-        For a file without such columns, or an entry that is neither a number nor a word for a missing value.
+        If the file has no such columns, or if an entry is neither a number nor a word for a missing value.
     """
     try:
         re.compile(delimiter or "")
@@ -174,10 +174,10 @@ def _lines(path: Path) -> list[str]:
 
 
 def _split(line: str, mark: str) -> list[str]:
-    """Return the entries of a line, stripped. A quote that is not closed ends with its line."""
+    """Return the entries of a line without surrounding blanks. An unclosed quote ends with its line."""
     if mark == r"\s+":
         line = line.strip()
-        # brackets of an exported matrix stand apart from its numbers
+        # Treat brackets only at the ends of a line, where an exported matrix has them.
         bracketed = line[:1] in "[({" or line[-1:] in "])};"
         return (line.strip(BRACKETS) if bracketed else line).split(None, MOST_COLUMNS)
     if len(mark) > 1:
@@ -188,12 +188,12 @@ def _split(line: str, mark: str) -> list[str]:
 
 
 def bare(entry: str) -> str:
-    """Return an entry without blanks, brackets, and a sign of per cent or degrees."""
+    """Return an entry without blanks, brackets, and signs of per cent or degrees."""
     return SIGN.sub("", entry.strip(BRACKETS)).rstrip()
 
 
 def number(entry: str, comma: bool = False) -> float:
-    """Return an entry as a number, nan where it is none."""
+    """Convert an entry to a number, or to nan if it is not a number."""
     text = bare(entry)
     if text.lower() in STATES:
         return STATES[text.lower()]
@@ -211,7 +211,7 @@ def number(entry: str, comma: bool = False) -> float:
 
 
 def _either(entry: str) -> float:
-    """Return an entry as a number with a decimal point or comma, nan where it is neither."""
+    """Convert an entry with a decimal point or comma to a number, or to nan if it is not a number."""
     value = number(entry)
     return value if math.isfinite(value) else number(entry, comma=True)
 
@@ -223,7 +223,7 @@ def is_value(entry: str) -> bool:
 
 
 def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
-    """Return entries as numbers, nan where missing, and True where an entry is not valid."""
+    """Convert entries to numbers, with nan for missing values. Also mark the entries that are not valid."""
     values = np.array([number(entry, comma) for entry in entries], dtype=float)
     wrong = [
         math.isnan(value) and bare(x).lower() not in MISSING for x, value in zip(entries, values, strict=True)
@@ -232,9 +232,9 @@ def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
 
 
 def _numbered(lines: Sequence[str], mark: str) -> float:
-    """Return how well a delimiter divides the end of the file: columns of numbers, times their share of all."""
+    """Rate a delimiter: the number of numeric columns at the end of the file, times their share of all columns."""
     rows = [_split(line, mark) for line in [line for line in lines if line.strip()][-SAMPLE:]]
-    half = sorted(map(len, rows), reverse=True)[len(rows) // 2]  # further columns are in few rows
+    half = sorted(map(len, rows), reverse=True)[len(rows) // 2]  # columns beyond this occur in few rows
     counts = [sum(k < len(row) and is_value(row[k]) for row in rows) for k in range(half)]
     return sum(2 * count > len(rows) for count in counts) ** 2 / max(1, *map(len, rows))
 
@@ -244,7 +244,7 @@ def _header(
 ) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     last = [row for row in rows if any(row)][-SAMPLE:]
-    columns = []  # an entry that is blank in every row is not a column
+    columns = []  # ignore entries that are blank in every row
     for k in range(max(map(len, last))):
         entries = [row[k] for row in last if k < len(row) and row[k]]
         if 2 * sum(map(is_value, entries)) > max(len(entries), 1):
@@ -254,7 +254,7 @@ def _header(
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(is_value, filled)):
             pairs = zip(lines, rows[:index], strict=False)
             above = [_names(line, row, len(columns), mark) for line, row in pairs if any(row)]
-            # a row of units may follow the row of names
+            # A row of units may stand between the names and the data.
             asked = [name for name in wanted if isinstance(name, str)]
             named = [names for names in above if all(_places(name, names) for name in asked)]
             return next(iter(reversed(named or above)), []), index
@@ -265,13 +265,13 @@ def _header(
 
 
 def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
-    """Return the names of a header. They may contain single blanks, even if blanks divide the columns."""
+    """Return the names of a header. A name may contain single blanks even if blanks separate the columns."""
     wide = re.split(r"\s{2,9}", line.strip()) if mark == r"\s+" else []
     return [name.strip('" ') for name in (wide if len(wide) == count else row)]
 
 
 def _place(role: str, name: str | int | None, header: Sequence[str], path: Path) -> int:
-    """Return the number of a column, found by its name, or by its role."""
+    """Return the number of a column, given its number, its name or its role."""
     places = [name] if isinstance(name, int) else _places(name or role, header)
     if name is None and len(places) != 1:
         places = [name := PLACES[role]]
@@ -284,14 +284,14 @@ def _place(role: str, name: str | int | None, header: Sequence[str], path: Path)
 
 
 def _places(name: str, header: Sequence[str]) -> list[int]:
-    """Return the columns of that name, or else those that have it before a unit."""
+    """Return the columns with exactly this name. If there are none, return those with this name before a unit."""
     bare_names = [re.split(r"[\[(]", known)[0].strip().lower() for known in header]
     exact = [k for k, known in enumerate(header) if known == name]
     return exact or [k for k, known in enumerate(bare_names) if known == name.lower()]
 
 
 def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
-    """Return True if some numbers have commas and none a decimal point. Dates may have either."""
+    """Return True if some numbers have commas and none has a decimal point. Dates may contain both."""
     entries = [bare(x) for column in columns for x in column[:200]]
     entries = [entry for entry in entries if not math.isnan(_either(entry))]
     pointed = any("." in entry and not GROUPED.fullmatch(entry.replace(".", ",")) for entry in entries)
@@ -301,7 +301,7 @@ def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
 def _clock(
     entries: Sequence[str], column: tuple[Array, Array], title: str, doubts: list[str]
 ) -> tuple[tuple[Array, Array], str, str]:
-    """Return the times, from their numbers or dates, their unit, and the date of the first one."""
+    """Convert numbers or dates to times. Return the times, their unit, and the date of the first."""
     times, wrong = column
     if 2 * wrong.sum() > wrong.size:
         return _stamps(entries, column, doubts)
@@ -324,10 +324,10 @@ def _clock(
 def _stamps(
     column: Sequence[str], plain: tuple[Array, Array], doubts: list[str]
 ) -> tuple[tuple[Array, Array], str, str]:
-    """Return a column of dates or times of day in seconds since the earliest, their unit, and the first date.
+    """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
 
-    The format counts that reads the most entries and, of these, makes the least span. So a record that runs past
-    midnight shows which of two numbers is the day.
+    Several formats are tried. The format that reads the most entries is used. If several formats read as many, the
+    format with the smallest span of time is used. So a record past midnight shows which of two numbers is the day.
     """
     import pandas as pd
 
