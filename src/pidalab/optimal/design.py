@@ -106,8 +106,6 @@ def load(
 
     Returns
     -------
-    Returns
-    -------
     Design
         Design with a `HighOrderPID`, whose gains are negative for a process with negative gain. Its `info` contains
 
