@@ -93,17 +93,17 @@ def caption(state: dict, many: dict[str, list[float]]) -> str:
         return 100 * (1 - state["PIDA"][k][0] / state["PID"][k][0])
 
     def pays(share: float) -> str:
-        worth = 100 * tables.WORTH
-        return ", so it pays" if share >= worth else f", which is below our {worth:.0f} % threshold"
+        least = 100 * tables.WORTH
+        return "so it pays" if share >= least else f"below our {least:.0f} % threshold"
 
     quiet, loud = (limit for limit, _ in many.values())
     return (
-        f"The figure shows the best PI, PID and PIDA controllers for $e^{{-s}}/(s+1)^3$ after a step of the load. "
-        f"All have the same robustness, $M_s = {MS}$, and the same limit of noise in $u$. "
-        f"At a relative noise gain of {quiet:g} acceleration saves {saved(quiet):.0f} % of the IAE "
-        f"here{pays(saved(quiet))}. On [134 plants](across/which-controller.ipynb) it saves "
-        f"{many['quiet'][1]:.0f} % in the median. At a relative noise gain of {loud:g} it saves "
-        f"{saved(loud):.0f} % here{pays(saved(loud))}, and {many['loud'][1]:.0f} % in the median."
+        f"The figure compares the best PI, PID and PIDA controllers for $e^{{-s}}/(s+1)^3$ after a step of the load. "
+        f"All have the same robustness, $M_s = {MS}$, and none exceeds the noise limit. At a relative noise gain of "
+        f"{quiet:g} acceleration saves {saved(quiet):.0f} % of the IAE here ({pays(saved(quiet))}), and "
+        f"{many['quiet'][1]:.0f} % in the median of [134 plants](across/which-controller.ipynb). At a relative noise "
+        f"gain of {loud:g} acceleration saves {saved(loud):.0f} % here ({pays(saved(loud))}), and "
+        f"{many['loud'][1]:.0f} % in the median."
     )
 
 

@@ -1,14 +1,14 @@
-/* The lab's engine: responses and margins of a PI, PID or PIDA loop with exact dead time.
+/* The engine of the lab: responses and margins of a PI, PID or PIDA loop with exact dead time.
 
-   It is a classic script, so that it also runs in a page opened from disk. It sets globalThis.pidalabEngine to
+   It is a classic script, so that it also runs in a page that is opened from disk. It sets globalThis.pidalabEngine to
 
      simulate({process: {num, den, delay}, controller: {gains: [ki, kp, kd, ka], filterTime, filterOrder, limits},
                end, points, setpoint, load})  ->  {t, y, u, fine: {t, u}}
      margins({process, controller})           ->  {ms, mks, gm, pm, dm, stable}
 
-   The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control.
-   Polynomials have descending powers of s. `fine` is u at those times and at others, close together where derivatives kick.
-   The dead time is not approximated (see `march`). */
+   The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control signal.
+   Polynomials have descending powers of s. `fine` is u at the same times and at additional times, which are close together
+   where derivatives kick. The dead time is not approximated (see `march`). */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
 
@@ -29,7 +29,7 @@
     return first < 0 ? [0] : values.slice(first);
   }
 
-  /* Check and complete a loop: remove leading zeros of polynomials, add missing gains. */
+  /* Check and complete a loop: remove leading zeros of polynomials, and add missing gains. */
   function readLoop({ process, controller }) {
     const num = polynomial("process.num", process.num), den = polynomial("process.den", process.den);
     if (den.length === 1 && den[0] === 0) fail("process.den must not be 0");
@@ -47,7 +47,7 @@
     return { num, den, delay, ki, kp, kd, ka, time, order, limits };
   }
 
-  /* Cache the last results of a function of values that JSON can hold. */
+  /* Cache the last results of a function whose arguments JSON can store. */
   function remembering(size, make) {
     const kept = new Map();
     return (...values) => {
@@ -70,7 +70,7 @@
   const angle = (a) => Math.atan2(a[1], a[0]);
   const wrapped = (turn) => turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
 
-  /* Evaluate a polynomial by Horner's scheme, with real numbers, since this runs millions of times. */
+  /* Evaluate a polynomial by Horner's scheme. It uses real numbers, since it runs millions of times. */
   function value(coefficients, s) {
     const x = s[0], y = s[1];
     let re = 0, im = 0;
@@ -136,7 +136,7 @@
     };
   }
 
-  /* Return values of a loop that several functions need, computed on first use. */
+  /* Return values of a loop that several functions need. Each is computed on first use. */
   const unlimited = remembering(12, (loop) => {
     const once = (make) => { let made; return () => (made ??= make()); };
     const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
@@ -155,7 +155,7 @@
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
   const TOO_MANY = "the dead time turns the phase too often to follow while |L| is large";
 
-  /* Write L and C at the frequency w to `seen`: re L, im L, re C, im C. Uses real numbers, since this runs millions of times. */
+  /* Write L and C at the frequency w to `seen`: re L, im L, re C, im C. It uses real numbers, since it runs millions of times. */
   const seen = new Float64Array(4);
   function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {
     let a = 1, b = 0; // (1 + j time w)^order
@@ -217,7 +217,7 @@
 
   const NOTHING = [];
 
-  /* Return points inside a grid interval in which the dead time turns quickly, up to a total number. */
+  /* Return points within a grid interval in which the dead time turns quickly, up to a total number of points. */
   function within(grid, delay) {
     let count = 0;
     return (i) => {
@@ -234,8 +234,8 @@
     return delay ? grid.flatMap((w, i) => (i + 1 < grid.length && matters(i) ? [w, ...inside(i)] : [w])) : grid;
   }
 
-  /* Return the zero of a function between two points of different sign, by the Illinois method: false position that halves
-     the value of an end that is kept. */
+  /* Return the zero of a function between two points of different sign, by the Illinois method. This is false position in
+     which the function value at an end that is kept is halved. */
   function zero(f, a, b) {
     let fa = f(a), fb = f(b), last = Infinity, kept = 0;
     for (let k = 0; k < 100; k++) {
@@ -248,21 +248,21 @@
     return last;
   }
 
-  /* Return the largest value of a smooth function between two points around a local maximum, by the golden section. */
+  /* Return the largest value of a smooth function between two points near a local maximum, by golden-section search. */
   function summit(f, a, b) {
     const share = (Math.sqrt(5) - 1) / 2;
     let c = b - share * (b - a), d = a + share * (b - a), fc = f(c), fd = f(d);
-    for (let k = 0; k < 28; k++) { // gives the place to 1e-6 and the value to the square of that
+    for (let k = 0; k < 28; k++) { // the error is 1e-6 of the place, and the square of that of the value
       if (fc > fd) { b = d; d = c; fd = fc; c = b - share * (b - a); fc = f(c); }
       else { a = c; c = d; fc = fd; d = a + share * (b - a); fd = f(d); }
     }
     return Math.max(fc, fd);
   }
 
-  const ENOUGH = 2e-5; // a value that exceeds the best one by less than this share is not sought
+  const ENOUGH = 2e-5; // a value is not sought if it exceeds the best value by less than this share
 
-  /* Return the suprema over all frequencies of |S| and |C S|, whose limits at the ends are `ends`. Where the dead time is not
-     resolved, |L| gives upper bounds. An interval whose bound exceeds the best value so far is resolved, too. */
+  /* Return the suprema of |S| and |C S| over all frequencies. `ends` are their limits at the ends of the axis. Where the dead
+     time is not resolved, |L| gives upper bounds. If the bound of an interval exceeds the best value, the interval is resolved. */
   function peaks(loop, { w: grid, re, im, size, control }, ends) {
     const found = ends.slice(), inner = [], inside = within(grid, loop.delay);
     const closeness = (x, y) => 1 / Math.sqrt((1 + x) * (1 + x) + y * y);
@@ -273,7 +273,7 @@
       inner[i] = along(loop, between);
       for (let k = 0; k < between.length; k++) heighten(closeness(inner[i].re[k], inner[i].im[k]), inner[i].control[k]);
     };
-    look(loop, 1e-9 * grid[0]); // the limit at rest, which no point of the grid reaches
+      look(loop, 1e-9 * grid[0]); // this gives the limit at rest, which no point of the grid reaches
     heighten(closeness(seen[0], seen[1]), Math.hypot(seen[2], seen[3]));
     for (let i = 0; i < grid.length; i++) heighten(closeness(re[i], im[i]), control[i]);
     for (let i = 0; i + 1 < grid.length; i++) if (Math.max(size[i], size[i + 1]) >= 0.5) resolve(i);
@@ -299,12 +299,12 @@
 
   // --- stability ----------------------------------------------------------------------------------------------------
 
-  /* Count the closed-loop poles right of the line s = jw - lean (w + w0), by the argument principle. Null if one is on it. */
+  /* Count the closed-loop poles right of the line s = jw - lean (w + w0), by the argument principle. Null if a pole is on it. */
   function encirclements(loop, parts, w, lean) {
     const nonzero = parts.poles.map(modulus).filter((size) => size > 0);
     const least = nonzero.length ? Math.min(...nonzero) : 1;
     const reference = parts.poles.map((pole) => modulus(pole) || least);
-    /* Return the phase of 1 + L without its poles, divided by a factor that does not turn. NaN where it is 0. */
+    /* Return the phase of 1 + L without its poles, divided by a factor that does not turn. NaN where 1 + L is 0. */
     const phase = (x) => {
       const s = [-lean * (x + w[1]), x];
       let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // real numbers, since this runs often
@@ -323,7 +323,7 @@
       if (Math.hypot(f, g) <= 1e-9 * (Math.hypot(re, im) + Math.hypot(c, d))) return NaN;
       return Math.atan2(g * a - f * b, f * a + g * b);
     };
-    /* Follow the argument. An interval in which it turns quickly is halved. */
+    /* Follow the argument. Halve an interval in which it turns quickly. */
     let total = 0, from = phase(w[0]);
     if (Number.isNaN(from)) return null;
     for (let i = 1; i < w.length; i++) {
@@ -373,7 +373,7 @@
     const least = 1 / Math.abs(1 + farOut), last = open.control[grid.length - 1];
     const [ms, mks] = peaks(loop, open, [least, last * least]);
 
-    /* Return the gain crossovers. They do not depend on the dead time, but a gain that only touches 1 needs more points. */
+    /* Return the gain crossovers. They do not depend on the dead time. A gain that only touches 1 needs more points. */
     let pm = Infinity, dm = Math.abs(parts.atInfinity) >= 1 ? 0 : Infinity;
     const excess = (w) => { look(loop, w); return 0.5 * Math.log(seen[0] * seen[0] + seen[1] * seen[1]); };
     let marks = grid, levels = size.map(Math.log);
@@ -395,8 +395,8 @@
       dm = Math.min(dm, lag / w);
     }
 
-    /* Phase crossovers: the largest |L| below 1 decides. Smaller ones are sought only if there is none. A gain that does not
-       tend to 0 has infinitely many crossovers. Those within a hundredth of its limit count as equal to it. */
+    /* Phase crossovers: the largest |L| below 1 determines the margin. Smaller ones are sought only if there is none. If the
+       gain does not tend to 0, there are infinitely many. Those within a hundredth of its limit count as equal to the limit. */
     const far = farOut < 0 && farOut > -1 ? -farOut : 0;
     let loudest = Math.max(far, atZero(loop));
     const imaginary = (w) => { look(loop, w); return seen[1] / Math.sqrt(seen[0] * seen[0] + seen[1] * seen[1]); };
@@ -422,14 +422,14 @@
     return { ms, mks, gm: loudest ? 1 / loudest : Infinity, pm, dm, stable: true };
   }
 
-  /* |L(0)|, if L(0) is negative and above -1, which is a phase crossover at zero frequency. */
+  /* Return |L(0)| if L(0) is between -1 and 0. This is a phase crossover at zero frequency. */
   function atZero({ num, den, ki, kp }) {
     const bottom = ki ? 0 : den[den.length - 1], limit = bottom ? (num[num.length - 1] * kp) / bottom : 0;
     return limit < 0 && limit > -1 ? -limit : 0;
   }
 
-  /* Return L(jw) = re + j im, |C(jw)| and the phase of C in degrees at given frequencies, by default at those that resolve
-     every turn while |L| is above 0.02. */
+  /* Return L(jw) = re + j im, |C(jw)| and the phase of C in degrees at given frequencies. The default frequencies resolve every
+     turn while |L| is above 0.02. */
   const frequencyResponse = (asked) => (asked.w ? responseOf(prepared(asked), asked.w) : prepared(asked).response());
 
   function responseOf(found, asked) {
@@ -474,7 +474,7 @@
     return result;
   }
 
-  /* Return the matrix exponential by a Taylor series of the scaled matrix and squaring, with `more` additional squarings. */
+  /* Return the matrix exponential by a Taylor series of the scaled matrix and squaring. Square `more` additional times. */
   function exponential(matrix, time, more = 0) {
     const n = matrix.length;
     const norm = Math.max(...matrix.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0))) * time;
@@ -492,7 +492,7 @@
 
   // --- the loop, opened at its dead time ----------------------------------------------------------------------------
 
-  /* Realise the loop. States: process (in its own time unit), lags of the filter, integral of the error, the set point.
+  /* Realise the loop. The states are process (in its own time unit), lags of the filter, integral of the error, set point.
      x' = A x + b w with w(t) = v(t - delay); y = cy x + dy w, u = cu x + du w, v = u + load. */
   function stateSpace(loop) {
     const np = loop.den.length - 1, n = loop.order, size = np + n + 2, step = size - 1, integral = size - 2;
@@ -512,7 +512,7 @@
     }
     if (np) b[0] = unit;
 
-    // The error r - y, as a row, drives the chain of lags of the filter and the integral.
+    // The error r - y, as a row, drives the lags of the filter and the integral.
     const { A: chain, b: first, row } = controllerBlock(loop), error = cy.map((c) => -c);
     error[step] = 1;
     for (let k = 0; k < n; k++) {
@@ -531,7 +531,7 @@
 
   const dot = (row, x) => { let sum = 0; for (let j = 0; j < row.length; j++) sum += row[j] * x[j]; return sum; };
   const flat = (rows) => {
-    const result = new Float64Array(rows.length * (rows[0]?.length ?? 0)); // no rows: a plant or a filter without states
+    const result = new Float64Array(rows.length * (rows[0]?.length ?? 0)); // a plant or filter without states has no rows
     rows.forEach((row, i) => result.set(row, i * row.length));
     return result;
   };
@@ -547,14 +547,14 @@
 
   // --- linear responses ---------------------------------------------------------------------------------------------
 
-  const NODES = 6; // evenly spaced nodes of a piece, with its ends; w is a polynomial of degree 5 on each piece
-  const INVERSE = inverted( // of the Vandermonde matrix of the nodes 0, 1/5, …, 1: coefficients from values
+  const NODES = 6; // evenly spaced nodes of a piece, including its ends; w is a polynomial of degree 5 on each piece
+  const INVERSE = inverted( // of the Vandermonde matrix of the nodes 0, 1/5, …, 1; it converts values to coefficients
     Array.from({ length: NODES }, (_, i) => Array.from({ length: NODES }, (_, q) => Math.pow(i / (NODES - 1), q))));
-  const EACH = 8; // pieces of each size; the error of the polynomials in a kick passes the plant with the gain of the kick
-  const MOST_PIECES = 300000; // of a response
+  const EACH = 8; // pieces of each size; the error of the polynomials in a kick has the same gain to the output as the kick
+  const MOST_PIECES = 300000; // largest number of pieces of a response
 
-  /* Return the sizes of the pieces of one dead time. The response is not smooth only at multiples of the dead time, so the
-     pieces are short at its beginning and double until they are as long as the slower motion of the loop allows. */
+  /* Return the sizes of the pieces of one dead time. The response is not smooth at multiples of the dead time. So the pieces
+     are short at its beginning, and double until they are as long as the slower motion of the loop permits. */
   function pieces(delay, shortest, longest) {
     const many = Math.max(4, Math.ceil(delay / longest));
     const levels = Math.max(0, Math.min(50, Math.ceil(Math.log2(delay / (many * shortest)))));
@@ -566,11 +566,11 @@
     return { exponents, levels, unit: delay / units };
   }
 
-  /* Return one flat matrix for pieces of one size. From the state at the beginning and w at the nodes it gives the state at
-     the end, then y and u at all nodes except the first. Between the nodes w is the polynomial through them, for which the
-     exponential of a larger matrix is exact. `matrix` advances to the next node, `whole` to the end. */
+  /* Return one flat matrix for pieces of one size. Given the state at the beginning and w at the nodes, it computes the state at
+     the end, then y and u at all nodes except the first. Between the nodes, w is the polynomial through the nodes. For this
+     input the exponential of a larger matrix is exact. `matrix` advances to the next node, `whole` to the end. */
   function transitions({ size, cy, dy, cu, du }, matrix, whole, length) {
-    // from derivatives of w at the beginning, q! a_q / length^q, to its values at the nodes
+    // Convert derivatives of w at the beginning, q! a_q / length^q, to its values at the nodes.
     const nodal = (row) => {
       const result = new Float64Array(size + NODES);
       for (let j = 0; j < size; j++) result[j] = row[j];
@@ -596,20 +596,20 @@
   function motion(loop, parts, grid, loudness, space, share = 1) {
     const { A, b, size } = space, { shortest, longest } = speeds(loop, parts, grid, loudness);
     const { exponents, levels, unit } = pieces(loop.delay, share * shortest, share * longest);
-    // One exponential for a fifth of the shortest piece, from node to node, is squared for each doubling.
+    // Compute one exponential from node to node, for a fifth of the shortest piece, and square it for each doubling.
     const wide = zeros(size + NODES, size + NODES), ready = [];
     for (let i = 0; i < size; i++) { wide[i].set(A[i]); wide[i][size] = b[i]; }
     for (let q = 0; q + 1 < NODES; q++) wide[size + q][size + q + 1] = 1;
     let matrix = exponential(wide, unit / (NODES - 1));
     for (let level = 0; level <= levels; level++) {
-      const twice = product(matrix, matrix), whole = product(product(twice, twice), matrix); // five steps of a node
+      const twice = product(matrix, matrix), whole = product(product(twice, twice), matrix); // five steps from node to node
       ready.push(transitions(space, matrix, whole, unit * Math.pow(2, level)));
       matrix = twice;
     }
     return { exponents, unit, ready };
   }
 
-  /* Simulate dead time by dead time, piece by piece. On each piece w is v on the same piece one dead time before. */
+  /* Simulate dead time by dead time and piece by piece. On each piece, w equals v on the same piece one dead time earlier. */
   function march({ delay }, { cy, dy, cu, du, size, step }, { exponents, unit, ready }, setpoint, load, times) {
     const end = times[times.length - 1], intervals = Math.floor(end / delay + 1e-9) + 1;
     if (intervals * exponents.length > MOST_PIECES) fail(`${intervals} dead times are too many to follow; shorten end`);
@@ -633,7 +633,7 @@
         for (let i = 1; i < NODES; i++) { yNodes[i] = after[size + i - 1]; uNodes[i] = after[size + NODES + i - 2]; }
         const to = p + 1 < exponents.length ? from + length : (k + 1) * delay;
         const begin = next;
-        // A time within rounding of the next piece belongs to that piece, since it is after a jump.
+        // A time within rounding of the next piece belongs to that piece, since it comes after a jump.
         for (; next < times.length && times[next] < to - 1e-12 * end - (next + 1 === times.length ? -2e-12 * end : 0); next++) {
           if (next === begin) { powers(yNodes, yPowers); powers(uNodes, uPowers); }
           const share = (times[next] - from) / (to - from);
@@ -658,7 +658,7 @@
     return sum;
   }
 
-  /* Return the lengths of the shortest and the longest piece, from the fastest pole and the fastest lasting motion. */
+  /* Return the lengths of the shortest and the longest piece, given the fastest pole and the fastest lasting motion. */
   function speeds(loop, parts, grid, loudness) {
     const fastest = Math.max(1 / loop.delay, ...parts.poles.map(modulus));
     let lasting = 1 / loop.delay;
@@ -671,8 +671,8 @@
     return { shortest: 0.25 / fastest, longest: 1.0 / lasting };
   }
 
-  /* Without dead time the loop is closed, w = v, and one exponential advances it from time to time. The load is a further
-     state. */
+  /* Simulate without dead time. The loop is closed, w = v, and one exponential advances it from time to time. The load is an
+     additional state. */
   function closed({ A, b, cy, dy, cu, du, size, step }, setpoint, load, times, more = 0) {
     if (Math.abs(1 - du) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
     const v = Float64Array.from({ length: size + 1 }, (_, j) => (j < size ? cu[j] : 1) / (1 - du));
@@ -702,15 +702,14 @@
     return free.least < low || free.most > high ? limited(asked, loop, free.t) : { t: free.t, y: free.y, u: free.u, fine: free.fine };
   }
 
-  const ORDINARY = 1e-3; // with a filter down to this share of the plant's time constants the error is below 1e-6
+  const ORDINARY = 1e-3; // with filters as fast as this share of the plant's time constants the error is below 1e-6
   const TRUST = 2e-6; // largest uncertainty with a faster filter, relative to the largest value
-  const FINER = 0.4; // ratio of piece sizes of the second run, which always differ, since sizes are powers of 2 apart
-
+  const FINER = 0.4; // ratio of the piece sizes of the second run; they always differ, since sizes are powers of 2 apart
   const ROUNDING = 10 * 2 ** -52; // relative to the largest gain of the filter's lags, which are stored as one number with kp
 
-  /* Return the relative difference of y and u of two runs with different pieces and different rounding. The loss of digits by
-     a fast filter depends on the loop, since a second derivative amplifies the rounding of y by ka / filterTime^2. The
-     rounding of the gains themselves is equal in both runs and does not show. */
+  /* Return the relative difference of y and u of two runs with different pieces and different rounding. How many digits a fast
+     filter loses depends on the loop, since a second derivative amplifies the rounding of y by ka / filterTime^2. The rounding
+     of the gains themselves is equal in both runs, so this comparison does not detect it. */
   function uncertain(found, asked, { y, u }) {
     const { loop } = found, space = found.space();
     const again = loop.delay
@@ -728,7 +727,7 @@
     }));
   }
 
-  /* Refuse a filter that is so much faster than the plant that rounding shows, and name the shortest allowed one. */
+  /* Refuse a filter that is so much faster than the plant that rounding becomes visible. Name the shortest allowed filter. */
   function requireDigits(found, asked, run) {
     const { loop } = found, fast = ({ order, time }, { unit }) => order && time * unit < ORDINARY;
     if (!fast(loop, found.space()) || uncertain(found, asked, run) <= TRUST) return;
@@ -741,7 +740,7 @@
     }
   }
 
-  /* Return the response of a loop without limits, with the range of u. */
+  /* Return the response of a loop without limits, and the range of u. */
   function linear(found, end, points, setpoint, load) {
     const { loop } = found, t = new Float64Array(points).map((_, k) => (end * k) / (points - 1)), all = finer(loop, t);
     const { y, u } = loop.delay ? march(loop, found.space(), found.motion(), setpoint, load, all) : closed(found.space(), setpoint, load, all);
@@ -755,11 +754,11 @@
     return { t, y: pick(y), u: pick(u), fine: { t: all, u }, least, most };
   }
 
-  /* Return the intervals of kicks of derivatives, as pairs of times: some filter times after the step, and after the first
-     dead times, when the kick has passed through the loop. */
+  /* Return the intervals in which derivatives kick, as pairs of times. They last some filter times, from the step and from the
+     first dead times, when the kick has passed through the loop. */
   const kicks = ({ order, time, delay }) => (order ? Array.from({ length: delay ? 4 : 1 }, (_, k) => [k * delay, k * delay + (order + 4) * time]) : []);
 
-  /* Return evenly spaced times and, during kicks, additional times at most a sixteenth of the filter time apart. */
+  /* Return evenly spaced times and, during kicks, additional times no more than a sixteenth of the filter time apart. */
   function finer(loop, times) {
     const end = times[times.length - 1], even = times[1], parts = Math.ceil((16 * even) / loop.time), more = [];
     if (!(parts > 1 && parts < Infinity)) return times;
@@ -783,8 +782,8 @@
     return flat(exact.slice(0, n));
   }
 
-  /* Return the sampled process: y = out x + dy w, and a transition for each piece of a sample in which its delayed input is
-     constant, that of `ago` samples before. */
+  /* Return the sampled process, y = out x + dy w. It has a transition for each piece of a sample in which the delayed input is
+     constant. The input of a piece was set `ago` samples earlier. */
   function held({ A, b, cy, dy, np }, delay, h) {
     if (dy && delay < h * 1e-9) fail("the process answers within the sample");
     const own = A.slice(0, np).map((row) => row.slice(0, np)), whole = Math.floor(delay / h + 1e-9), part = delay - whole * h;
@@ -795,7 +794,7 @@
     return { np, dy, out: cy.slice(0, np), steps, inside };
   }
 
-  /* Return the chain of lags of the filter with the error as its input, and the control signal less its integral as a row:
+  /* Return the lags of the filter with the error as input, and the control signal minus its integral as a row. The row is
      (C(s) - ki/s) error, with ki/s (p^n - 1) = -ki T (p + ... + p^n) for the lag p = 1/(1 + T s). */
   function controllerBlock(loop) {
     const n = loop.order, A = zeros(n, n), b = new Float64Array(n), row = new Float64Array(n + 1); // row[0]: the error
@@ -814,18 +813,18 @@
   }
 
   /* Return the stabilising controller and the reset time of the series form (kp + kd s + ka s^2)(1 + time s)/(time s) with the
-     gains of the loop. The fastest real zero becomes the reset, as in huba2024, also one of a pair due to rounding. */
+     gains of the loop. The fastest real zero becomes the reset, as in huba2024. It may be one of a pair due to rounding. */
   function series(loop) {
     const gains = [loop.ka, loop.kd, loop.kp, loop.ki];
     const real = loop.ki ? roots(gains).filter(([re, im]) => re < 0 && Math.abs(im) < 0.1 * Math.hypot(re, im)) : [];
     if (!real.length) fail("an automatic reset needs gains with a real zero left of the axis");
     const time = -1 / Math.min(...real.map(([re]) => re));
-    // ki (1 + c1 s + c2 s^2)(1 + time s) has these gains. Divide from the lowest power.
+    // ki (1 + c1 s + c2 s^2)(1 + time s) has these gains. Divide, beginning with the lowest power.
     const kp = loop.ki * time, kd = (loop.kp - kp) * time, ka = loop.ka;
     return { time, block: { ...loop, ki: 0, kp, kd, ka } };
   }
 
-  /* Replace x by matrix [x, w], with `next` as memory. */
+  /* Replace x by matrix [x, w]. `next` is memory for the result. */
   function advance(matrix, x, w, next) {
     const n = x.length;
     for (let i = 0, k = 0; i < n; i++) {
@@ -839,7 +838,7 @@
   const WAYS = ["none", "clamping", "conditioning", "reset"], METHODS = ["held", "backward"], MOST_SAMPLES = 2e6;
 
   /* Return the coefficients of the integral of a sampled controller. It grows by `error` times the error and by `signal` times
-     the output of the other actions, and decreases by `tracking` times the part that a limit cut off. */
+     the output of the other actions. It is reduced by `tracking` times the part that a limit cut off. */
   function integralOf(loop, way, h, backward, trackingTime) {
     if (way === "reset") {
       const { time, block } = series(loop), share = -Math.expm1(-h / time);
@@ -855,11 +854,11 @@
     return own;
   }
 
-  /* Simulate the loop with a sampled controller whose output is held, exactly for the process. antiWindup is "none",
-     "clamping" (the integral stops while it would drive u further beyond a limit; with differences it grows up to the limit),
-     "conditioning" (it integrates the error that would have given the limited signal, or with a trackingTime removes the
-     part that the limit cut off) or "reset" (automatic reset: the integral is a lag behind the limited signal). method is
-     "held", exact filters for a held input, or "backward", differences as in most PLCs, for any sample time. */
+  /* Simulate the loop with a sampled controller whose output is held. The process is exact. antiWindup is one of four words.
+     "none" has no effect. With "clamping" the integral stops while it would drive u further beyond a limit, and with differences
+     it grows up to the limit. With "conditioning" it integrates the error that would have given the limited signal, or with a
+     trackingTime it removes the part that the limit cut off. With "reset" it is the limited signal, filtered by a lag (automatic
+     reset). method is "held", for filters that are exact for a held input, or "backward", for differences as in most PLCs. */
   function simulateSampled(asked) {
     const loop = readLoop(asked), h = real("sampleTime", asked.sampleTime, 0), end = real("end", asked.end, 0);
     const way = asked.antiWindup ?? "none", method = asked.method ?? "held", setpoint = asked.setpoint ?? 0, load = asked.load ?? 0;
@@ -884,14 +883,14 @@
       t[k] = k * h;
       y[k] = dot(out, x) + dy * v[k + before - steps[0].ago];
       const error = setpoint - y[k] - (asked.noise ? asked.noise[k] : 0);
-      // Differences use the present error, filters for a held input the previous one.
+      // Differences use the present error. Filters for a held input use the previous error.
       if (backward) for (let j = 0; j < z.length; j++) z[j] += newest * ((j ? z[j - 1] : error) - z[j]);
       let signal = block.row[0] * error;
       for (let j = 0; j < z.length; j++) signal += block.row[j + 1] * z[j];
       const growth = rule.error * error + rule.signal * signal;
       const wanted = signal + integral + (backward ? growth : 0), excess = limit(wanted) - wanted;
       const rests = way === "clamping" && excess * growth < 0, room = wanted + excess - signal - integral;
-      // With differences the integral grows up to the limit, since one growth may exceed the whole range.
+      // With differences the integral grows only up to the limit, since one increment may exceed the whole range.
       const up = rests && backward && room * growth > 0;
       u[k] = limit(rests && !up ? signal + integral : wanted);
       if (up) integral += room; else if (!rests) integral += growth + rule.tracking * excess;
@@ -922,18 +921,18 @@
     });
   }
 
-  /* Return the sampled plant with a hold at frequencies up to half the sampling frequency. */
+  /* Return the frequency response of the sampled plant with a hold, up to half the sampling frequency. */
   function sampledPlant({ process, controller = { gains: [] } }, h, w) {
     const { np, dy, out, steps } = prepared({ process, controller }).held(h);
     const rows = ({ matrix }) => Array.from({ length: np }, (_, i) => Array.from(matrix.subarray(i * (np + 1), (i + 1) * (np + 1))));
     const [first, second] = steps.map(rows), last = second ?? first;
-    // A and b over a whole sample, where the second of two pieces continues the first.
+    // Compute A and b over a whole sample, in which the second of two pieces continues the first.
     const whole = second ? product(last.map((one) => one.slice(0, np)), first) : first, re = new Float64Array(w.length), im = new Float64Array(w.length);
     w.forEach((x, k) => {
       const cos = Math.cos(x * h), sin = Math.sin(x * h), turned = (ago) => [Math.cos(x * h * ago), -Math.sin(x * h * ago)];
       const early = turned(steps[0].ago), late = second ? turned(steps[1].ago) : [0, 0];
       const input = (part) => whole.map((one, i) => (one[np] ?? 0) * early[part] + last[i][np] * late[part]);
-      // Solve (z - A) state = b, with real parts first, then imaginary parts.
+      // Solve (z - A) state = b. The real parts come first, then the imaginary parts.
       const unit = (i, j, value) => (i === j ? value : 0), less = (one, i) => Array.from({ length: np }, (_, j) => unit(i, j, cos) - one[j]);
       const skew = (i, value) => Array.from({ length: np }, (_, j) => unit(i, j, value));
       const state = solve([...whole.map((one, i) => [...less(one, i), ...skew(i, -sin)]), ...whole.map((one, i) => [...skew(i, sin), ...less(one, i)])], [...input(0), ...input(1)]);
@@ -942,8 +941,8 @@
     return { re, im };
   }
 
-  /* Return the same as frequencyResponse for a sampled controller of backward differences, at frequencies up to half the
-     sampling frequency or at given frequencies `w`. */
+  /* Do the same as frequencyResponse for a sampled controller with backward differences. By default the frequencies go up to
+     half the sampling frequency. */
   function sampledResponse(asked) {
     const loop = readLoop(asked), h = asked.sampleTime, { row } = controllerBlock(loop), newest = h / (loop.time + h);
     const grid = asked.w ?? [...frequencyResponse(asked).w.filter((x) => x < Math.PI / h), Math.PI / h], plant = sampledPlant(asked, h, grid);

@@ -1,6 +1,6 @@
 /* Hidden plants: each <div class="pidalab-hidden"> becomes ten plants whose models the page does not show. The learner makes
-   a noisy step test and sets the gains within a time limit. They are judged on the true plant. The score is stored in the
-   browser. */
+   a noisy step test and sets the gains within a time limit. The gains are judged with the true plant. The browser stores the
+   score. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, margins, respond } = globalThis.pidalabEngine;
@@ -14,7 +14,7 @@
     return JSON.parse(bytes.map((byte, k) => String.fromCharCode(byte ^ KEY.charCodeAt(k % KEY.length))).join(""));
   }
 
-  /* Return a record {t, u, y} of a unit step of u at a twentieth of the time, from an arbitrary level. */
+  /* Return a record {t, u, y} of a unit step of u after a twentieth of the time, from an arbitrary level. */
   function stepTest(name, random) {
     const plant = plantOf(name), h = plant.end / SAMPLES, u = Array.from({ length: SAMPLES + 1 }, (_, k) => (k >= SAMPLES / 20 ? 1 : 0));
     const clean = respond(plant, u, h), size = Math.max(...clean.map(Math.abs)), level = 3 * size * random();
@@ -38,7 +38,7 @@
 
   const gainSign = ({ num, den }) => Math.sign(num[num.length - 1] * den[den.findLastIndex((c) => c !== 0)]);
 
-  /* Return the IAE after a unit load step until the loop is at rest, with the integral of the error for the remainder. */
+  /* Return the IAE after a unit load step, until the loop is at rest. The integral of the error gives the remainder. */
   function respondTo(process, design, { end }) {
     const own = controller(design), run = simulate({ process, controller: own, end: 4 * end, points: 4001, load: 1 });
     const area = run.y.reduce((sum, y, k) => (k ? sum + 0.5 * (run.t[k] - run.t[k - 1]) * (y + run.y[k - 1]) : 0), 0);
@@ -95,7 +95,7 @@ if (typeof document !== "undefined") (function () {
       this.show();
     }
 
-    /* The clock starts with the first test. A second test has different noise. */
+    /* Start the clock with the first test. A second test has different noise. */
     test() {
       const first = !this.record;
       this.record = stepTest(this.name, Math.random);

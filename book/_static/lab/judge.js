@@ -1,27 +1,27 @@
-/* Judge the answers to the book's tasks by the loops that they make.
+/* Judge the answers to the book's tasks by the loops that they lead to.
 
-   judge(task, given) -> {right, say} or {refused, say}. A task is the data of its directive, `given` what was entered, as text
-   or numbers. The script does not touch the page, so tests call it as pages do.
+   judge(task, given) -> {right, say} or {refused, say}. `task` contains the data of the task's directive. `given` contains
+   what was entered, as text or numbers. The script does not touch the page, so tests can call it as pages do.
 
-   kind    number (one number, which the page computes as well), design (numbers that make a loop, or a plant, within
-           limits), choice (of options, with a reason), order (of items)
-   plant   key of a plant of the lab, or {gain, lags, integrating, delay, end}, of numbers, names of fields, or [products];
-           plants, two of them by name: then A.ms is the Ms of A
-   loop    kp, ti, td, ta, Tf, n as far as they are given: kp (1 + 1/(ti s) + td s + ta s²)/(1 + Tf s)^n, n one above the
-           number of derivatives; rule, a rule of the lab, makes the gains. u0 limits u, with backward differences every h and
-           the tracking time Tt; sampled: the loop of a digital controller with a sample every h
-   fields  names of what is entered
-   of, within   fact that is asked for, and share of it by which an answer may differ; a closed form is its `value`; `first` is
-           what to begin with, said to an answer that no slip explains
-   record  the model of a supplied record: fields it is like, and the sum of its times
-   limits, least   what facts are at most, and at least; near: numbers that fields are near to
-   slips   of a wrong answer, what is behind it: {of or value or given or when, word} */
+   kind    number (a number, which the page also computes), design (numbers that define a loop or a plant within limits),
+           choice (one of several options, with a reason), order (a sequence of items)
+   plant   key of a plant of the lab, or {gain, lags, integrating, delay, end}; the values are numbers, names of fields, or
+           [products]. With plants, two plants by name, A.ms is the Ms of A
+   loop    those of kp, ti, td, ta, Tf, n that are given, for kp (1 + 1/(ti s) + td s + ta s²)/(1 + Tf s)^n. By default n is
+           the number of derivatives plus 1. rule: a rule of the lab computes the gains. u0 limits u, with backward
+           differences every h and the tracking time Tt. sampled: the loop of a digital controller with this sample time h
+   fields  names of the values that the reader enters
+   of, within   name of the fact that is asked for, and the share by which an answer may differ. A closed form is given as
+           `value`. `first` is a hint where to begin, for a wrong answer that no slip explains
+   record  the model of a supplied record: the fields that describe it, and the sum of its times
+   limits, least   largest and least values of facts; near: numbers that fields must be close to
+   slips   reasons for wrong answers: {of or value or given or when, word} */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, simulateSampled, margins } = globalThis.pidalabEngine;
   const { PLANTS, RULES, controller, iae, relativeNoiseGain, readNumber, sampledMargins } = globalThis.pidalabModel;
 
-  const SLACK = 1.003; // answers are printed in three digits
+  const SLACK = 1.003; // answers are shown with three digits
   const POINTS = 2001;
   const LARGEST = 1e6, SMALLEST = 1e-6, FAR = 20;
 
@@ -29,7 +29,7 @@
 
   // --- facts of a loop ----------------------------------------------------------------------------------------------
 
-  /* Return the plant of a task. A word in it is the name of a field, a list is a product. */
+  /* Return the plant of a task. A word in it is the name of a field, and a list is a product. */
   function plantOf(plant, given) {
     if (typeof plant === "string") return PLANTS[plant];
     const value = (x) => (Array.isArray(x) ? x.map(value).reduce((a, b) => a * b) : typeof x === "string" ? given[x] : x);
@@ -47,14 +47,14 @@
 
   const area = (t, y) => t.reduce((sum, time, k) => (k ? sum + 0.5 * (time - t[k - 1]) * (y[k] + y[k - 1]) : 0), 0);
 
-  /* Return a function that computes facts of a loop by name, each once. */
+  /* Return a function that computes facts of a loop by name. Each fact is computed once. */
   function loopFacts(plant, task, given) {
     const asked = { ...task.loop, ...given }, process = plantOf(plant, given), { end } = process, kept = new Map();
     const once = (name, make) => { if (!kept.has(name)) kept.set(name, make()); return kept.get(name); };
     const design = () => once("design", () => (asked.rule ? RULES[asked.rule].apply(process, { ...designOf(asked), kind: asked.kind }, asked.knob) : designOf(asked)));
     const own = () => once("own", () => controller(design()));
     const loop = () => once("loop", () => {
-      try { design(); } catch (error) { if (asked.rule) return { stable: false }; throw error; } // a rule that finds no design
+      try { design(); } catch (error) { if (asked.rule) return { stable: false }; throw error; } // the rule finds no design
       return asked.sampled ? sampledMargins({ process, controller: own(), sampleTime: asked.h, end }) : margins({ process, controller: own() });
     });
     const run = (step) => once(JSON.stringify(step), () => {
@@ -64,7 +64,7 @@
     const load = () => run({ load: 1 }), step = () => run({ setpoint: 1 });
     const found = {
       noise: () => relativeNoiseGain(process, design()),
-      // a response that ends early lacks a part of the area, which is known from the integral gain
+      // A response that ends early lacks a part of the area. The integral gain determines the whole area.
       iae: () => iae(load().t, load().y, 0) + Math.abs(Math.abs(1 / own().gains[0]) - Math.abs(found.ie())),
       ie: () => area(load().t, load().y),
       iaeSetpoint: () => iae(step().t, step().y, 1),
@@ -73,14 +73,14 @@
       kick: () => step().u[0],
       fall: () => { const { t, y } = load(), [from, to] = task.between.map((time) => t.findIndex((x) => x >= time - 1e-9)); return y[to] / y[from]; },
       saving: () => 1 - best(process, "PIDA", { ...task, ...given }) / best(process, "PID", { ...task, ...given }),
-      // IAE over the least IAE of a PIDA with Ms 1.4 and a relative noise gain of 1.5
+      // The IAE is divided by the least IAE of a PIDA with Ms 1.4 and a relative noise gain of 1.5.
       loss: () => found.iae() / best(process, "PIDA", { ms: 1.4, noise: 1.5 }),
       gmLeast: () => loop().ms / (loop().ms - 1),
     };
     return (name) => (name in found ? once(name, found[name]) : loop()[name]);
   }
 
-  /* Return the least IAE of a kind, by a search that takes a second. */
+  /* Return the least IAE of a kind of controller, by a search that takes a second. */
   const best = (process, kind, { ms, noise }) => globalThis.pidalabOptimum.find(process, kind, { ms, noise }).iae;
 
   function factsOf(task, given) {
@@ -95,7 +95,7 @@
 
   // --- words --------------------------------------------------------------------------------------------------------
 
-  /* The name of each fact, and what to say if it is too large or too small. */
+  /* For each fact: its name, and what to say if it is too large or too small. */
   const WORDS = {
     ms: ["Ms", "too bold", "more robust than asked"],
     noise: ["relative noise gain", "too much noise: use a longer filter", "quieter than asked: use a shorter filter"],
@@ -173,7 +173,7 @@
       const where = facts.names.length ? ` on ${shaky.join(" and ")}` : "";
       return { right: false, say: slipOf({ ...task, slips: (task.slips ?? []).filter(({ given: entered }) => entered) }, given, facts) ?? `Unstable${where}: begin with ${task.fields.map((name) => CALMER[name]).filter(Boolean).join(", or ") || "another value"}.` };
     }
-    if (task.record) { // the model of the supplied record
+    if (task.record) { // compare with the model of the supplied record
       const { like, sum, is, within } = task.record, total = sum.reduce((all, name) => all + given[name], 0);
       const meant = Object.entries(like).every(([name, x]) => close(given[name], x, 0.2)) && close(total, is, 0.4);
       if (meant && !close(total, is, within)) return { right: false, say: `On the supplied record lags and dead time add up to about ${digits(is, 2)}; yours add up to ${digits(total)}. Fit the model again.` };
@@ -184,7 +184,7 @@
     return { right: false, say: [...over, ...(slip ? [slip] : [])].join(" ") };
   }
 
-  /* Return a fact of each option or item; each has its own loop or plant. */
+  /* Return a fact for each option or item. Each has its own loop or plant. */
   const along = (task, items, fact) => items.map((item) => loopFacts(item.plant ?? task.plant, { ...task, loop: { ...task.loop, ...item.loop } }, {})(fact));
 
   function choice(task, given) {
@@ -212,7 +212,7 @@
 
   const ZERO_TOO = new Set(["td", "ta", "t2", "t3", "L", "sensor"]);
 
-  /* Return the entered values as numbers, or a sentence that says what is wrong. */
+  /* Return the entered values as numbers, or a sentence that says what is wrong with them. */
   function entered(task, given) {
     const numbers = {};
     for (const name of task.kind === "number" ? ["answer"] : task.kind === "design" ? task.fields : []) {

@@ -1,13 +1,13 @@
-/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state, which the page's address and
-   the exported file contain, too. Each change of the state redraws everything. */
+/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state. The address of the page and the
+   exported file contain this state, too. Each change of the state redraws everything. */
 (function () {
   "use strict";
   const { PLANTS, RULES, ORDER, alike, ownPlant, controller, study, noiseScale, noiseGainAt, readNumber, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot, { element, marked } = plot;
 
-  /* A design is a card: its own rule, limits and anti-windup. In a fair comparison Ms and relative noise gain are those of
-     all, and a rule's gain and filter follow from them. */
+  /* A design is a card with its own rule, limits and anti-windup. In a fair comparison all designs share Ms and relative noise
+     gain, which determine the gain and filter of a rule. */
   const DESIGN = {
     name: "", kind: "PIDA", rule: "hand", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3,
     limited: false, low: -1, high: 3, antiWindup: "clamping",
@@ -20,7 +20,7 @@
   const MOST = 5, PAST = 100, LARGEST_FILE = 5e7;
   const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
 
-  /* Return a colour and a dash for each design: that of its kind or, for a second one of a kind, the next free one. */
+  /* Return a colour and a dash for each design. They are those of its kind or, for a second design of a kind, the next free. */
   function looksOf(kinds) {
     const taken = new Set();
     return kinds.map((kind) => {
@@ -37,9 +37,9 @@
 
   let names = 0;
 
-  /* A slider and a number for one value. The number takes any value, the slider the usual ones with three digits. A step must
-     change these digits, or a key would move the slider without the value. On a logarithmic slider a negative value keeps its
-     sign, and a value beyond its end extends it. */
+  /* Create a slider and a number for one value. The number takes any value, the slider takes the usual values with three
+     digits. A step must change these digits, or a key would move the slider without changing the value. On a logarithmic slider
+     a negative value keeps its sign. A value beyond the end of a slider extends the slider. */
   function slider({ label, help, low, high, log, step, get, set }) {
     const id = `lab-input-${++names}`;
     const to = log ? (x) => Math.log10(Math.max(Math.abs(x), low)) : (x) => x;
@@ -90,10 +90,10 @@
 
   // --- the plots ----------------------------------------------------------------------------------------------------
 
-  /* The control signal has extra times where derivatives kick, and the output has times between samples. */
+  /* The control signal has extra times where derivatives kick, and the output has extra times between samples. */
   const signals = (s, key, which) => (key === "u" ? s[which].fine : s[which].between) || s[which];
 
-  /* Return the range of a signal over all runs, 0 included. Unstable loops do not count, unless all are unstable. */
+  /* Return the range of a signal over all runs, including 0. Unstable loops count only if all loops are unstable. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
@@ -106,20 +106,20 @@
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
 
-  /* Return a signal up to the end of the axis; the last point may lie beyond. */
+  /* Return a signal up to the end of the axis. The last point may lie beyond the end. */
   function until(run, key, end) {
     const count = run.t.findIndex((time) => time >= end) + 1 || run.t.length;
     return { x: run.t.subarray(0, count), y: run[key].subarray(0, count) };
   }
 
-  /* Return a function of the curve, a little beyond the frame, which clips it. */
+  /* Return the values of a curve slightly beyond the frame, which clips them. */
   function along(curve, [low, high], f) {
     const x = [], y = [];
     curve.w.forEach((w, k) => { if (w > 0.8 * low && w < 1.25 * high) { x.push(w); y.push(f(curve, k)); } });
     return { x, y };
   }
 
-  /* Draw the plots that have a place; `places` holds elements by the name of the plot. */
+  /* Draw the plots that have a place. `places` contains elements by the name of the plot. */
   function drawPlots(places, process, shown, { ms, record, handles = {} }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
@@ -180,19 +180,19 @@
   /* Return the words that replace the margins of an unstable loop. */
   const verdict = (s) => (s.unknown ? "so slow for this sample time that its stability is unknown" : "unstable");
 
-  /* Return the head of a column; a formula may break at its fraction bar. */
+  /* Return the head of a column. A formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => [...(k ? [["wbr", {}]] : []), ...marked(part)])];
 
-  /* Return the sentence on the noise of a table, which is the same for all rows. */
+  /* Return the sentence on the noise of a table. It is the same for all rows. */
   function noiseMeant(shown, process) {
     const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " A dash (–) means that it is not defined." : "", { gain } = noiseScale(process);
     return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain ${digits(gain)}.${none}`;
   }
 
-  /* Return the columns that a loop has: an unstable loop has no margins, only numbers of its loop gain. */
+  /* Return the columns that exist for a loop. An unstable loop has no margins, only numbers of its loop gain. */
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
-  /* Draw the table of numbers; `below` gives a line of words under each row. */
+  /* Draw the table of numbers. `below` returns a line of words for each row. */
   function drawTable(place, first, process, shown, keys, count, below) {
     const rows = (s) => {
       const found = known(s, keys), missing = keys.length - found.length, more = below?.(s);
@@ -255,12 +255,12 @@
     }
     if (designs !== undefined && !(Array.isArray(designs) && designs.length && designs.length <= MOST)) throw new RangeError(`it must have 1 to ${MOST} designs`);
     for (const design of designs ?? []) require(design, "design");
-    // a link without limits keeps its own filters
+    // A link without limits keeps the filters of its designs.
     const searched = (designs ?? []).every((each) => [undefined, "hand", "optimum"].includes(each.rule));
     return { fair: searched, ...state };
   }
 
-  /* Return the fields of an object that differ from another, numbers with six digits. */
+  /* Return the fields of an object that differ from another object. Numbers are rounded to six digits. */
   const differing = (object, from) => Object.fromEntries(Object.entries(object).filter(([key, value]) => value !== from[key])
     .map(([key, value]) => [key, typeof value === "number" ? Number(value.toPrecision(6)) : value]));
 
@@ -291,7 +291,7 @@
         this.worker.onmessage = ({ data: { key, found } }) => { this.busy = false; this.known.set(key, found); this.wanted.delete(key); this.heard(); this.begin(); };
       }
       this.busy = true;
-      this.worker.postMessage([...this.wanted.values()].pop()); // the latest request
+      this.worker.postMessage([...this.wanted.values()].pop()); // send the latest request
     }
 
     /* Forget searches that are no longer wanted. */
@@ -337,7 +337,7 @@
       this.takeOver(given);
     }
 
-    /* Take over parts of a state. A design without a rule is one by hand. */
+    /* Take over parts of a state. A design without a rule is a design by hand. */
     takeOver(given) {
       if (!given) return;
       const designs = (given.designs ?? this.state.designs).map((each) => ({ ...DESIGN, ...(each.kind ? { filterOrder: ORDER[each.kind] + 1 } : {}), ...each }));
@@ -351,13 +351,13 @@
       return plant === "own" ? ownPlant(own) : plant === "given" && given ? given : PLANTS[plant] ?? PLANTS.lags3;
     }
 
-    /* The end is the same for all designs. */
+    /* Return the end of the time axis, which is the same for all designs. */
     conditionsOf({ limited, low, high, antiWindup, trackingTime }) {
       const { sampled, sampleTime, noisy, noise } = this.state;
       return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, trackingTime, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
     }
 
-    /* Return a setting; in a fair comparison all designs share it. */
+    /* Return a setting. In a fair comparison all designs share it. */
     knob(key, design = this.design) { return this.state.fair ? this.state[key] : design[key] ?? this.state[key]; }
 
     /* Return true if gain and filter of a design follow from the common Ms and noise limit. */
@@ -384,13 +384,13 @@
         if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} searches found this design: there may be a better one`;
         return { ...design, ...found.design, pending: undefined };
       } catch (error) {
-        // a design that was never found is not shown; any other one keeps its gains
+        // A design that was never found is not shown. Any other design keeps its gains.
         this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule uses its own gain; " : ""}${design.pending ? "no design is shown" : "the gains are unchanged"}`;
         return design;
       }
     }
 
-    /* Change the state, apply the rules, draw. A "step" can be undone; the result of a search belongs to the step before. */
+    /* Change the state, apply the rules and draw. A "step" can be undone. The result of a search belongs to the step before it. */
     change(update, store = "step") {
       Object.assign(this.state, update);
       this.seeker.clear();
@@ -429,8 +429,8 @@
 
     link() { return write(this.shared()); }
 
-    /* Put the state into the address when controls rest, since a browser allows few changes of it in a second. Do not replace
-       an address that was given meanwhile and is about to be announced. */
+    /* Put the state into the address when controls rest, since a browser permits few changes of it per second. Do not replace
+       an address that was given in the meantime and is about to be announced. */
     save() {
       if (!this.unsaved || location.hash !== this.heard) return;
       const now = JSON.stringify(this.state);
@@ -542,8 +542,8 @@
       document.body.classList.add("lab-page");
     }
 
-    /* Change the filter. Rules that leave it to the user stay, those that compute it become designs by hand. The comparison is
-       then no longer fair. */
+    /* Change the filter. Rules that leave the filter to the user stay, and rules that compute it become designs by hand. The
+       comparison is then no longer fair. */
     filter(update) {
       if ("filterTime" in update && this.onTerms(this.design)) {
         this.say("You set the filter time, so the comparison is no longer fair.");
@@ -554,7 +554,7 @@
 
     pick({ num, den, delay }) { return { num, den, delay }; }
 
-    /* A press on a card chooses its design; a press on its cross removes it. */
+    /* Choose a design when its card is pressed, and remove it when its cross is pressed. */
     pressed(target) {
       const card = target.closest("[data-k]"), k = Number(card?.dataset.k), { designs, chosen } = this.state;
       if (!card) return;
@@ -591,8 +591,8 @@
       } catch (error) { this.say(`${file.name}: ${error.message}.`); }
     }
 
-    /* Fit a plant to a record by least squares, and make a design with a filter for its noise: three standard deviations move u
-       by a tenth of the record's step. Nothing is shown until the search is done. */
+    /* Fit a plant to a record by least squares, and make a design whose filter suits the noise: three standard deviations of the
+       noise move u by a tenth of the record's step. Nothing is shown until the search is done. */
     takeRecord(text, name, columns) {
       const record = readRecord(text, columns), { own, name: structure, t, fitted, sigma, explained, span, h } = fit(record), four = (x) => Number(x.toPrecision(4));
       const rounded = Object.fromEntries(Object.entries(own).map(([key, x]) => [key, typeof x === "number" ? four(x) : x]));
@@ -635,7 +635,7 @@
       return { process: this.pick(this.process), designs, lab: this.shared() };
     }
 
-    /* Return unique names: the second design of a name gets a number. */
+    /* Return unique names. A second design of the same name gets a number. */
     names() {
       const plain = this.state.designs.map(({ name, kind }) => name || kind);
       return plain.map((name, k) => { const before = plain.slice(0, k).filter((other) => other === name).length; return before ? `${name} ${before + 1}` : name; });
@@ -647,7 +647,7 @@
     }
 
     /* Return all designs with their limits, sampling and noise as Python, and remarks on omissions. Only numbers and quoted names
-       of the state enter the script. */
+       from the state enter the script. */
     call() {
       const { num, den, delay, end } = this.process, { designs, sampled, noisy } = this.state, names = this.names(), h = Number(this.state.sampleTime);
       const list = (x) => `[${x.map((v) => Number(v.toPrecision(8))).join(", ")}]`, left = noisy ? [`Left out: the measurement noise of the lab, ±${Number(this.state.noise)}.`] : [];
@@ -713,7 +713,7 @@
       });
       this.refused = names.filter((_, k) => !shown.some((s) => s.k === k));
       this.current = shown.find(({ k }) => k === state.chosen);
-      // a rule that aims at Ms only considers the continuous loop
+      // A rule that aims at Ms considers only the continuous loop.
       if (state.sampled) for (const { k, ms, design: { rule } } of shown) {
         const asked = this.knob("ms", state.designs[k]);
         if ((RULES[rule]?.knob === "ms") && ms > 1.02 * asked && !this.problems[k]) this.problems[k] = `the digital loop has Ms ${digits(ms)}, not ${digits(asked)}: use a shorter sample time or a smaller Ms`;
@@ -770,7 +770,7 @@
       drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles });
     }
 
-    /* Announce the result and save the state in the address, once no control moves. */
+    /* Announce the result and save the state in the address, as soon as no control moves. */
     announce() {
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];

@@ -1,6 +1,6 @@
-/* The figure of the first page. The reader drags a dot on the curve of the IAE saved by acceleration to a limit of noise, and
-   the figure shows the best PI, PID and PIDA loops at that limit. The page holds their gains in JSON; this script computes the
-   loops. */
+/* The figure of the first page. The reader drags a dot along the curve of the IAE that acceleration saves, and so chooses a
+   limit of noise. The figure shows the best PI, PID and PIDA loops at that limit. The page contains their gains in JSON. This
+   script simulates the loops. */
 (function () {
   "use strict";
   const { simulate, simulateSampled } = globalThis.pidalabEngine, { uniform } = globalThis.pidalabModel;
@@ -24,7 +24,7 @@
       this.turn(this.k);
     }
 
-    /* Return output without noise and control signal with noise of the three loops at one limit. */
+    /* Return output without noise and control signal with noise, for the three loops at one limit. */
     run(k) {
       return Object.entries(KINDS).map(([kind, look]) => {
         const gains = this[kind][k].slice(1, -1), controller = { gains, filterTime: this[kind][k].at(-1), filterOrder: gains.length - 1 };
@@ -58,7 +58,7 @@
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
       this.bar.setAttribute("aria-valuetext", `relative noise gain ${this.limits[k]}`);
-      // A controller that is equal at a lower limit does not use the higher one.
+      // If a lower limit gives the same controller, the controller does not use the higher limit.
       const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
       const key = (kind) => element("span", { class: "landing-key" }, element("span", { class: `lab-key lab-key-${KINDS[kind]}` }), ` ${kind} ${this[kind][k][0].toFixed(2)}`);
       this.words.replaceChildren(`Relative noise gain ${this.limits[k]}. IAE:`,

@@ -1,19 +1,19 @@
-/* Live figures: a <div class="pidalab-live"> of a page becomes a figure with controls, made of the lab's parts. Its content
-   is for readers without JavaScript. If that is a figure with a caption, controls and plots replace its image. The number is
-   kept, and so is the caption unless the live figure has one. The options are JSON, in the attribute data-live or in a
-   script inside the div (`pidalab.plots.live` writes one):
+/* Live figures: a <div class="pidalab-live"> of a page becomes a figure with controls, made of the lab's parts. Readers without
+   JavaScript see the content of the div. If that is a figure with a caption, controls and plots replace its image. The figure
+   keeps its number, and its caption unless the live figure has one. The options are JSON, in the attribute data-live or in a
+   script inside the div (`pidalab.plots.live` writes such a script):
 
      plant     key of a plant, or {num, den, delay, end}
      designs   list of designs: {kind, kp, ti, td, ta, filterTime, filterOrder}
-     names     names of the designs, in their order; by default their kinds
-     rule, ms, tc   a rule of the lab that computes each design, and its knob; a design may have its own `ms` or `tc`
+     names     names of the designs, in the same order; by default their kinds
+     rule, ms, tc   a rule of the lab that computes each design, and its parameter; a design may have its own `ms` or `tc`
      conditions     {limits, antiWindup, trackingTime, sampleTime, noise, end}; a design may have its own `conditions`
-     knobs     list of {key, label, low, high, log, step}; key is one of a design ("kp", "filterTime", …: it is set in all of
-               them, or in the one that `design` numbers), "ms", "tc", "plant.delay", or "limits.high", "sampleTime", "noise"
+     knobs     list of {key, label, low, high, log, step}; key is a field of the designs ("kp", "filterTime", …), or "ms", "tc",
+               "plant.delay", "limits.high", "sampleTime" or "noise"; a field is set in all designs, or in design number `design`
      plots     names out of setpoint, load, control, effort, nyquist, bode, closed, lead, noise
-     numbers   names out of iae, iaeSetpoint, overshoot, ms, mks, gm, gmLeast, pm, pmLeast, dm, peak, sigma; first and hump
-               (which exist for unstable loops, too, so they come last)
-     caption   the caption of the live figure; `lab: true` adds a link to the lab with these designs loaded */
+     numbers   names out of iae, iaeSetpoint, overshoot, ms, mks, gm, gmLeast, pm, pmLeast, dm, peak, sigma, first, hump (the
+               last two come last because they also exist for unstable loops)
+     caption   the caption of the live figure; `lab: true` adds a link to the lab, which loads these designs */
 (function () {
   "use strict";
   const { PLANTS, RULES, study, write } = globalThis.pidalabModel;
@@ -35,7 +35,7 @@
     places({ key, design }) {
       const { state } = this, [first, second] = key.split(".");
       if (first === "plant") return [[this.process, second]];
-      if (first === "limits") { // a knob for both limits sets the lower one to the negative value
+      if (first === "limits") { // a knob for both limits sets the lower limit to the negative value
         const limits = (state.conditions.limits ??= [-1e9, 1e9]), low = { get 0() { return limits[0]; }, set 0(x) { limits[0] = -x; } };
         return second ? [[limits, second === "low" ? 0 : 1]] : [[limits, 1], [low, 0]];
       }
@@ -62,7 +62,7 @@
       this.host.addEventListener("lab-refused", ({ detail }) => { this.trouble.textContent = detail; });
       const caption = element("p", { class: "lab-caption" }, ...marked(state.caption ?? ""));
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
-      const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // then the table fills the last place
+      const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // with an odd number, the table fills the last place
       const grid = element("div", { class: "lab-plots" }, ...plots, ...(odd ? [this.table] : []));
       const parts = [element("div", { class: "lab-knobs" }, ...this.knobs), this.live, grid, ...(odd ? [] : [this.table])];
       const figure = this.host.querySelector("figure");
@@ -100,7 +100,7 @@
       this.speaking = setTimeout(() => { this.trouble.textContent = trouble.join(" "); this.heard.textContent = words.join(" "); }, 250);
     }
 
-    /* Return the same state for the lab: all designs by name with their limits, on the present plant. */
+    /* Return the same state for the lab: all designs by name with their limits, for the present plant. */
     forLab(shown) {
       const { sampleTime, noise } = { ...this.state.conditions, ...shown[0].design.conditions };
       const designs = shown.map(({ name, design: { conditions, ...design } }) => {

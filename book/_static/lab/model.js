@@ -1,7 +1,7 @@
 /* Model of the lab and the live figures: plants, controllers in standard form, rules, and all numbers of a design.
 
    A design is {kind, kp, ti, td, ta, filterTime, filterOrder}: kp (1 + 1/(ti s) + td s + ta s^2) / (1 + filterTime s)^filterOrder.
-   It needs engine.js, and optimum.js for the rule of that name, and does not depend on a page. */
+   This script needs engine.js, and optimum.js for the rule of that name. It does not depend on a page. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { simulate, simulateSampled, margins, frequencyResponse, sampledResponse, roots, remembering, solve, zero, summit } = globalThis.pidalabEngine;
@@ -48,7 +48,7 @@
     };
   }
 
-  /* Return the absolute area between the set point and y, with trapezoids split where the error changes its sign. */
+  /* Return the absolute area between the set point and y. Trapezoids are split where the error changes its sign. */
   function iae(t, y, setpoint) {
     let sum = 0;
     for (let k = 1; k < t.length; k++) {
@@ -66,7 +66,7 @@
 
   // --- noise --------------------------------------------------------------------------------------------------------
 
-  const REMEMBERED = 20, NOISE_SAMPLES = 100; // samples of the noise in an ultimate period
+  const REMEMBERED = 20, NOISE_SAMPLES = 100; // number of cached results, and samples of the noise in an ultimate period
   const integratorsOf = ({ den }) => den.length - 1 - den.findLastIndex((c) => c !== 0);
 
   /* Return the lowest frequency at which the phase of the plant, relative to zero frequency, falls below -180 degrees, or null
@@ -76,13 +76,13 @@
     const onAxis = ([re, im]) => Math.abs(re) <= 1e-9 * Math.hypot(re, im), integrators = all.length - poles.length;
     if (integrators > 1 || poles.some((pole) => pole[0] >= 0 || onAxis(pole))) return null;
     const turn = (found, w) => found.reduce((sum, [re, im]) => {
-      const size = re * re + im * im; // of 1 - jw/(re + j im)
+      const size = re * re + im * im; // squared modulus of the root
       return sum + Math.atan2((-w * re) / size, 1 - (w * im) / size);
     }, 0);
     const phase = (w) => turn(zeros, w) - turn(poles, w) - delay * w - (integrators * Math.PI) / 2;
     const speeds = [...zeros, ...poles].map(([re, im]) => Math.hypot(re, im)).concat(delay ? [1 / delay] : []);
     if (!speeds.length) return null;
-    const sign = -Math.sign(gainOf({ num, den })); // the roots give the number of turns, the plant the exact angle
+    const sign = -Math.sign(gainOf({ num, den })); // the roots give the number of turns, and the plant gives the exact angle
     const beyond = (w) => { const { re, im } = frequencyResponse({ process: { num, den, delay }, controller: { gains: [0, 1] }, w: [w] }); return Math.atan2(sign * im[0], sign * re[0]); };
     const jump = Math.min(Infinity, ...zeros.filter(onAxis).map(([, im]) => Math.abs(im)));
     let before = 1e-4 * Math.min(...speeds);
@@ -94,9 +94,9 @@
     return null;
   }
 
-  /* Return sample time of measurement noise and unit of the noise gain, as pidalab.noise_scale: a hundredth of the ultimate
-     period, and the ultimate gain. Without an ultimate period use the sum of time constants and dead time, and
-     1/|static gain|. NaN for a plant without any time constant or dead time. */
+  /* Return sample time of measurement noise and unit of the noise gain, as pidalab.noise_scale does. They are a hundredth of the
+     ultimate period, and the ultimate gain. Without an ultimate period, use the sum of time constants and dead time, and
+     1/|static gain|. Return NaN if a plant has neither a time constant nor a dead time. */
   const noiseScale = remembering(REMEMBERED, ({ num, den, delay }) => {
     const process = { num, den, delay }, w = ultimateFrequency(process);
     if (w) {
@@ -109,8 +109,8 @@
 
   const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples of an impulse response, and the share of its squares in the second half
 
-  /* Return the standard deviation of u for held white measurement noise of standard deviation 1, the root of the sum of squares
-     of the response to one sample. NaN if that does not decay. */
+  /* Return the standard deviation of u for held white measurement noise of standard deviation 1. It is the root of the sum of
+     squares of the response to one sample. Return NaN if this response does not decay. */
   function noiseGainOf(process, own, sampleTime, method) {
     for (let samples = Math.max(FIRST_TAIL, Math.ceil((4 * process.delay) / sampleTime)); samples <= LONGEST_TAIL; samples *= 2) {
       const noise = new Float64Array(samples);
@@ -124,7 +124,7 @@
     return NaN;
   }
 
-  /* Return the noise gain with a sample time. If the filter is faster than a sample, or the sampled loop is unstable, the
+  /* Return the noise gain with a sample time. If the filter is faster than a sample, or if the sampled loop is unstable, the
      controller is discretised by differences. */
   function noiseGainAt(process, design, sampleTime) {
     if (!(sampleTime > 0) || atOnce(process)) return NaN;
@@ -148,8 +148,8 @@
 
   const MOST_SAMPLES = 6e5, LONG = 8;
 
-  /* Return the slowest time constant of dead time, filter, plant, and the closed loop without dead time and filter, which
-     determines slow poles. */
+  /* Return the slowest of several time constants: dead time, filter, plant, and the closed loop without dead time and filter.
+     The last determines slow poles. */
   function slowest({ num, den, delay }, { gains: [ki, kp, kd, ka], filterTime }) {
     const top = multiply(num, [ka, kd, kp, ki]), bottom = [...den, 0], size = Math.max(top.length, bottom.length);
     const at = (values, k) => values[k - size + values.length] ?? 0;
@@ -161,7 +161,7 @@
     return Math.max(delay, filterTime, ...speeds.map((speed) => 1 / speed));
   }
 
-  /* Return the response of the measurement to one noisy sample, itself included: the impulse response of S. */
+  /* Return the response of the measurement to one noisy sample, including this sample. It is the impulse response of S. */
   function pulseResponse(process, own, sampleTime, end) {
     const noise = new Float64Array(Math.round(end / sampleTime) + 1);
     noise[0] = 1;
@@ -171,8 +171,8 @@
   }
 
   /* Return Ms and mks of a loop with a digital controller, at the samples. The loop is stable if its impulse response decays
-     after its slowest time, and unstable if it grows. If that takes long, more samples are used. Beyond 600000 samples the
-     result is unknown. */
+     after its slowest time, and unstable if the response grows. If this takes long, more samples are used. Beyond 600000 samples
+     the result is unknown. */
   function sampledMargins({ process, controller: own, sampleTime, end }, curve = sampledResponse({ process, controller: own, sampleTime })) {
     const none = { ms: NaN, mks: NaN, gm: NaN, pm: NaN, dm: NaN, stable: false, unknown: false };
     let span = Math.max(Math.min(3 * end, 8000 * sampleTime), LONG * slowest(process, own)), grew = false, s, third;
@@ -197,8 +197,8 @@
     return { ...none, ms, mks, stable: true };
   }
 
-  /* Return the phase margin at the first gain crossover, in degrees, and the largest |L| at higher frequencies, which a plot of
-     the usual frequencies does not show. */
+  /* Return the phase margin at the first gain crossover in degrees. Also return the largest |L| at higher frequencies, which a
+     plot of the usual frequencies does not show. */
   function beyondCrossover(process, own, { w, size: sizes } = frequencyResponse({ process, controller: own })) {
     const at = (x) => { const { re, im, size } = frequencyResponse({ process, controller: own, w: [x] }); return { phase: (Math.atan2(im[0], re[0]) * 180) / Math.PI, size: size[0] }; };
     const below = sizes.findIndex((x, k) => k && x < 1 && sizes[k - 1] >= 1);
@@ -211,7 +211,7 @@
     return { first: phase > 0 ? phase - 180 : phase + 180, hump };
   }
 
-  /* Return what does not depend on steps, limits and noise: margins, curves, the relative noise gain. */
+  /* Return what does not depend on steps, limits and noise: margins, curves, and the relative noise gain. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }, curve) : margins({ process, controller: own });
@@ -223,7 +223,7 @@
   const LEAST_OVERSHOOT = 5e-5; // smaller values are rounding or the end of a slow rise
   const PER_PERIOD = 20, MOST_POINTS = 40000; // number of points of a response, per ultimate period and in total
 
-  /* Refuse responses whose area under y is wrong. It is known from the integral gain, since at rest u is the integral. */
+  /* Refuse responses whose area under y is wrong. The integral gain determines the area, since at rest u is the integral. */
   function requireShown({ gains: [ki] }, { t, y, u }) {
     const area = y.reduce((sum, value, k) => (k ? sum + 0.5 * (t[k] - t[k - 1]) * (value + y[k - 1]) : 0), 0);
     if (Math.abs(u[u.length - 1] + 1) < 0.01 && Math.abs(ki * area - 1) > 0.05) throw new RangeError(`the time axis ends at ${t[t.length - 1]}, too long for this loop, which comes to rest between two plotted points: choose a shorter axis`);
@@ -243,7 +243,7 @@
     if (!sampleTime && !noise && !limits) requireShown(asked.controller, load);
     let top = 1;
     for (let k = 0; k < setpoint.y.length; k++) top = Math.max(top, setpoint.y[k]);
-    // at rest u is minus the load; if that is beyond the limits, an error remains
+    // At rest u is minus the load. If this is beyond the limits, an error remains.
     const bears = !limits || (limits[0] <= -1 && limits[1] >= -1);
     return {
       setpoint, load, stairs: sampleTime > 0, limited: limits !== null, bears,
@@ -251,15 +251,15 @@
     };
   });
 
-  /* Return everything that the lab shows of one design on one plant. Results in view stay stored while others change.
-     The noise of a digital controller is sampled as it samples, that of others as the plant asks. */
+  /* Return everything that the lab shows of one design on one plant. Results in view stay stored while others change. With a
+     digital controller the noise has its sample time. Otherwise the plant determines the sample time of the noise. */
   function study(process, design, conditions) {
     const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end);
     const sigma = found.stable ? found.noise() : NaN;
     return { design, ...found, sigma, noiseTime: sampleTime || noiseScale(process).sampleTime, ...answers(process, design, conditions) };
   }
 
-  /* Return noise that is uniform between −size and size, and the same at every call. */
+  /* Return noise that is uniform between −size and size. It is the same at every call. */
   function uniform(size, count) {
     const noise = new Float64Array(count);
     for (let k = 0, state = 12345; k < count; k++) {
@@ -271,10 +271,10 @@
 
   // --- rules --------------------------------------------------------------------------------------------------------
 
-  /* Return the largest gain with which a loop of given shape keeps the maximum sensitivity. At each frequency the gains k with
-     |1 + k L| < 1/ms lie between the roots of a quadratic equation. Gaps remain between the intervals of all frequencies, and
-     the result is the upper end of a gap in which the loop is stable. The gain has the sign of the static gain of the plant;
-     an unstable plant may need the other sign. */
+  /* Return the largest gain with which a loop of given shape keeps the maximum sensitivity. At each frequency, the gains k with
+     |1 + k L| < 1/ms lie between the roots of a quadratic equation. Gaps remain between the intervals of all frequencies. The
+     result is the upper end of a gap in which the loop is stable. The gain has the sign of the static gain of the plant. An
+     unstable plant may need the other sign. */
   function gainForMs(process, design, ms) {
     const sign = Math.sign(gainOf(process));
     const found = gainOfSign(sign, process, design, ms) ?? gainOfSign(-sign, process, design, ms);
@@ -319,7 +319,7 @@
   /* Return the gain of a plant, without its integrator. */
   const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
 
-  /* Return the lags of a plant, the slowest first, and true if it integrates. The rules below need real, stable lags. */
+  /* Return the lags of a plant, the slowest first, and true if it integrates. The rules below require real, stable lags. */
   function realLags({ den }) {
     let rest = den.slice(), integrating = false;
     if (rest.length > 1 && rest[rest.length - 1] === 0) { integrating = true; rest = rest.slice(0, -1); }
@@ -327,12 +327,12 @@
     // With den = c ∏ (1 + T s) the lags are minus the roots of the reversed polynomial.
     const found = rest.length > 1 ? roots(rest.slice().reverse()) : [];
     const size = Math.max(0, ...found.map(([re, im]) => Math.hypot(re, im)));
-    // Rounding spreads a lag of order n over a small circle, while an oscillating pair is far from the axis.
+    // Rounding spreads a lag of order n over a small circle. In contrast, an oscillating pair is far from the axis.
     if (found.some(([re, im]) => -re <= 0 || Math.abs(im) > 0.05 * size)) throw new RangeError("this rule needs real, stable lags");
     return { lags: found.map(([re]) => -re).sort((a, b) => b - a), integrating };
   }
 
-  /* Reduce a plant to `keep` lags by Skogestad's half rule. Half of the next lag is added to the last kept one. The other half,
+  /* Reduce a plant to `keep` lags by Skogestad's half rule. Half of the next lag is added to the last kept lag. The other half,
      all smaller lags and a zero in the right half plane are added to the dead time. */
   function halfRule(process, keep) {
     const { lags: found, integrating } = realLags(process);
@@ -347,8 +347,8 @@
     return { lags: own, delay, integrating };
   }
 
-  /* SIMC (Skogestad 2003): PI for one lag, PID (in series form, returned in standard form) for two. tc is the wanted
-     closed-loop time constant. */
+  /* SIMC (Skogestad 2003): PI for one lag, PID for two. The PID is computed in series form and returned in standard form. tc is
+     the requested closed-loop time constant. */
   function simc(process, design, tc) {
     const order = ORDER[design.kind];
     if (order > 1) throw new RangeError("SIMC has no PIDA");
@@ -394,8 +394,8 @@
     return delayed;
   }
 
-  /* Magnitude optimum (vrancic2021, eqs. (13) to (16)): Re L(jw) stays -1/2 to as high a power of w as there are gains.
-     With L = sum l_n s^n that is l_0 = -1/2 and l_2 = l_4 = ... = 0, linear in the gains; the filter counts as plant. */
+  /* Magnitude optimum (vrancic2021, eqs. (13) to (16)): Re L(jw) stays -1/2 to as high a power of w as there are gains. With
+     L = sum l_n s^n this means l_0 = -1/2 and l_2 = l_4 = ... = 0, linear in the gains. The filter counts as part of the plant. */
   function magnitudeOptimum(process, design) {
     if (integratingOf(process)) throw new RangeError("the magnitude optimum needs a plant that does not integrate");
     const order = ORDER[design.kind], size = order + 2;
@@ -425,8 +425,8 @@
 
   const factorial = (k) => (k < 2 ? 1 : k * factorial(k - 1));
 
-  /* Return the numerator c0 + c1 x + ... of the controller over x that puts m + 3 poles of the loop at one place, with
-     x = s times the dead time (huba2018, eq. (6) and Table I). */
+  /* Return the numerator c0 + c1 x + ... of the controller (with denominator x) that puts m + 3 poles of the loop at one place.
+     x is s times the dead time (huba2018, eq. (6) and Table I). */
   function multiplePole(m) {
     const mu = Math.sqrt(m + 2), a = mu * mu - mu;
     return Array.from({ length: m + 2 }, (_, j) => {
@@ -438,7 +438,7 @@
 
   const SHORT = "this rule makes no stable loop with so short a filter: use a longer filter time";
 
-  /* Return the design for the numbers c0, c1, ..., which are for a dead time and a gain of 1. */
+  /* Return the design for the numbers c0, c1, ..., which apply to a dead time and a gain of 1. */
   const dimensioned = (design, velocity, delay, [c0, c1, c2 = 0, c3 = 0]) => ({ ...design, kp: c1 / (velocity * delay), ti: (c1 / c0) * delay, td: (c2 / c1) * delay, ta: (c3 / c1) * delay * delay });
 
   /* Multiple real dominant pole (huba2018): a dead time T_e represents the filter, eq. (11) and Table II. */
@@ -448,7 +448,7 @@
     return dimensioned(design, velocity, delay + filterTime / ratio, multiplePole(m));
   }
 
-  /* Automatic reset (huba2024): PI and PID by the multiple pole, PIDA_1 with a double real zero, one of which is the reset,
+  /* Automatic reset (huba2024): PI and PID by the multiple pole, and PIDA_1 with a double real zero, one of which is the reset,
      eqs. (26) to (29). The dead time is that of the plant plus n T_f, eqs. (10) and (11). */
   function automaticReset(process, design) {
     const { velocity, delay } = integratorOf(process), m = ORDER[design.kind], { filterTime, filterOrder } = controller(design), c = multiplePole(m);
@@ -459,8 +459,8 @@
     return dimensioned(design, velocity, delay + filterOrder * filterTime, [kp / short, kp + kd / short, kd + ka / short, ka]);
   }
 
-  /* Least ITAE (heo2023) for a second-order model with dead time, with the tables as read in pidalab.rules.itae. The model is
-     the plant itself, or its two lags by the half rule. The filter is that of the lab. */
+  /* Least ITAE (heo2023) for a second-order model with dead time, with the tables as corrected in pidalab.rules.itae. The model
+     is the plant itself, or its two lags by the half rule. The filter is that of the lab. */
   function itae(process, design, load) {
     const order = ORDER[design.kind], { num, den } = process;
     if (!order) throw new RangeError("this rule has no PI");
@@ -495,8 +495,8 @@
     r < 0.4 ? 2.2122 * r ** 0.52 - 0.3 : -0.975 + 0.91 * (r - 1.845) ** 2 - Math.expm1(-xi / (0.15 + 0.33 * r)) * (5.25 - 0.88 * (r - 2.8) ** 2),
     -1.9 + 1.576 * r ** -0.53 - Math.expm1(-xi / (-0.15 + 0.939 * r ** -1.121)) * (1.45 + 0.969 * r ** -1.171)];
 
-  /* For each rule: its name, its knob, and a function that makes a design from a plant, a design and the knob. A rule whose
-     gain is searched or tested has a `shape`, the design before that. */
+  /* For each rule: its name, its parameter, and a function that makes a design from a plant, a design and the parameter. If the
+     gain of a rule is searched or tested, `shape` is the design before this step. */
   const RULES = {
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
     optimum: {
@@ -518,8 +518,8 @@
   const LONGEST = 1 / 4, FILTER_TIMES = 24; // longest filter time over the end of the time axis (the shortest is a sample of the noise); number of filter times
   const MET = 2e-4, CLOSE = 0.05; // tolerances of the noise limit, in logarithms
 
-  /* Estimate the largest gain of a shape with Ms, the upper end of the first gap, and the noise gain with it, within a few
-     hundredths. If the dead time turns too far from one frequency to the next, every phase is assumed to occur. */
+  /* Estimate the largest gain of a shape with Ms, which is the upper end of the first gap, and the noise gain with it. The error
+     is a few hundredths. If the dead time turns too far between two frequencies, every phase is assumed to occur. */
   function roughly(process, shape, ms, w, sampleTime) {
     const own = controller({ ...shape, kp: Math.sign(gainOf(process)) }), { re, im, control } = frequencyResponse({ process, controller: own, w });
     const size = w.map((_, k) => Math.hypot(re[k], im[k])), wide = process.delay * (w[1] / w[0] - 1);
@@ -527,11 +527,11 @@
       const along = wide * x > 1 ? -size[k] : re[k], root = along * along - size[k] * size[k] * (1 - 1 / (ms * ms));
       return along < 0 && root >= 0 ? [-1, 1].map((sign) => (-along + sign * Math.sqrt(root)) / (size[k] * size[k])) : null;
     });
-    // With two integrators the lowest frequencies exclude small gains, up to the frequency where there is lead.
+    // With two integrators, the lowest frequencies exclude small gains, up to the frequency at which there is phase lead.
     const slow = forbidden.indexOf(null), least = Math.max(0, ...forbidden.slice(0, slow).map(([, high]) => high));
     const gain = Math.min(...forbidden.slice(slow).filter(Boolean).map(([low]) => low));
     if (slow < 0 || (slow > 0 && im[slow] > 0) || !(gain > least)) throw new RangeError(`no gain gives this shape a stable loop with a maximum sensitivity of ${ms}`);
-    let variance = 0; // spectrum of held noise, up to half the sampling frequency
+    let variance = 0; // integral of the spectrum of held noise, up to half the sampling frequency
     w.forEach((x, k) => {
       if (!k || x > Math.PI / sampleTime) return;
       const held = (x * sampleTime) / 2, u = (gain * control[k] * Math.sin(held)) / held / Math.max(wide * x > 1 ? 1 - gain * size[k] : Math.hypot(1 + gain * re[k], gain * im[k]), 0.1);
@@ -540,7 +540,7 @@
     return { gain, noise: Math.sqrt(variance) };
   }
 
-  /* Return the place of the maximum of a unimodal function, by golden section. */
+  /* Return the place of the maximum of a unimodal function, by golden-section search. */
   function highest(f, low, high, turns = 16) {
     const share = (Math.sqrt(5) - 1) / 2;
     let a = high - share * (high - low), b = low + share * (high - low), fa = f(a), fb = f(b);
@@ -550,9 +550,9 @@
     return fa > fb ? a : b;
   }
 
-  /* Return the design of a rule on equal terms, much as pidalab.compare: the ratios of its gains are those of the rule, Ms
-     determines the gain, and the filter has the largest integral gain among those with a relative noise gain of at most
-     `noise`. */
+  /* Return the design of a rule on equal terms, much as pidalab.compare does. The ratios of its gains are those of the rule, and
+     Ms determines the gain. Filters with a relative noise gain of at most `noise` are allowed. The one with the largest integral
+     gain is used. */
   const alike = remembering(REMEMBERED, ({ num, den, delay, end }, design, { knob, ms, noise }) => {
     const process = { num, den, delay }, { sampleTime, gain } = noiseScale(process), rule = RULES[design.rule], shapeOf = rule.shape ?? rule.apply;
     if (!(sampleTime > 0)) throw new RangeError("this plant has no time constant and no dead time, so the sample time of the noise is undefined");
@@ -574,8 +574,8 @@
     if (!(worths[best] > 0)) throw worths[best] > -Infinity ? new RangeError("no filter makes it as quiet as this noise limit: allow more noise") : refused;
     let x = best && highest(worth, low + (best - 1) * rung, Math.min(low + (best + 1) * rung, high)), made, slope = -Math.max(ORDER[design.kind], 1), before;
     if (!best) x = low;
-    const bound = Math.log(roughly(process, shapeAt(x), ms, w, sampleTime).noise / (noise * gain)) > -CLOSE; // by the noise
-    for (let turn = 0; turn < 8; turn++) { // exactly
+    const bound = Math.log(roughly(process, shapeAt(x), ms, w, sampleTime).noise / (noise * gain)) > -CLOSE; // true if the noise limits the filter
+    for (let turn = 0; turn < 8; turn++) { // find the exact filter
       const shape = shapeAt(x);
       made = { ...shape, kp: gainForMs(process, shape, ms) };
       const loud = Math.log(relativeNoiseGain(process, made) / noise);

@@ -1,11 +1,11 @@
 /* Search the controller with the least IAE after a step of the load, for any plant, order, Ms and relative noise gain.
 
-   find(process, kind, {ms, noise}) -> {design, iae, ms, noise, ends, agree}. `ends` are the IAE of all descents by the least,
-   `agree` is the number of descents that ended there. The unknowns are the logarithms of the gains and of the filter time, in
-   units of the plant. A fast Fourier transform computes the error from its Laplace transform right of the axis, with exact dead
-   time, and another one its slope. The peaks of |S| and the noise gain of the sampled loop are limited. Sequential quadratic
-   programming minimises from several starts, and a last step makes the limits hold exactly. The filter time is at least a
-   sample of the noise. */
+   find(process, kind, {ms, noise}) -> {design, iae, ms, noise, ends, agree}. `ends` are the IAE of all descents, the least
+   first. `agree` is the number of descents that ended at the least. The unknowns are the logarithms of the gains and of the
+   filter time, in units of the plant. A fast Fourier transform computes the error from its Laplace transform right of the axis,
+   with exact dead time. Another transform computes its slope. The peaks of |S| and the noise gain of the sampled loop are
+   limited. Sequential quadratic programming minimises from several starts. A last step makes the limits hold exactly. The
+   filter time is at least a sample of the noise. */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
   const { margins, simulate, sampledPlant, roots, remembering, inverted, dot } = globalThis.pidalabEngine;
@@ -13,7 +13,7 @@
 
   const SAMPLES = 2048, DAMPING = 3, HORIZON = 80; // samples, damping and horizon of a response, in units of the plant
   const LOW = -16, HIGH = 14, SLOWEST = 3; // bounds of the logarithms of gains and of the filter time
-  const PRICE = 10, LONGEST = 1; // penalty of a violated limit, in logarithms; longest step
+  const PRICE = 10, LONGEST = 1; // penalty of a violated limit in logarithms, and longest step
 
   const circleOf = remembering(2, (count) => [Math.cos, (x) => -Math.sin(x)].map((f) => Float64Array.from({ length: count / 2 }, (_, k) => f((2 * Math.PI * k) / count))));
 
@@ -42,7 +42,7 @@
     }
   }
 
-  /* Points of the complex plane with the values of the plant, and functions for |C|, |S| and their slopes. */
+  /* Return points of the complex plane with the values of the plant, and functions for |C|, |S| and their slopes. */
   function places(process, re, im) {
     const count = re.length, pr = new Float64Array(count), pi = new Float64Array(count);
     const at = (values, x, y) => values.reduce(([a, b], c) => [a * x - b * y + c, b * x + a * y], [0, 0]);
@@ -75,7 +75,7 @@
     }
   }
 
-  /* Return the sum of re and im times the slopes of C by all unknowns, which are logarithms. */
+    /* Return the sum of re and im times the slopes of C by all unknowns, which are logarithms. */
   function slopes({ re, im, cr, ci }, gains, time, order, k, wr, wi, sum) {
     const x = re[k], y = im[k], fx = 1 + time * x, fy = time * y, size = fx * fx + fy * fy, tr = fx / size, ti = -fy / size;
     let a = 1, b = 0, t; // the filter over s
@@ -90,8 +90,8 @@
     sum[gains.length] += order * (wr * (lag * cr[k] - ti * ci[k]) - wi * (lag * ci[k] + ti * cr[k]));
   }
 
-  /* Return a unit of time in which a loop has numbers near 1, from the frequency where the phase of the plant is -135 degrees,
-     or up to which the noise limit permits control. */
+  /* Return a unit of time in which a loop has numbers near 1. It follows from the frequency at which the phase of the plant is
+     -135 degrees, or from the frequency up to which the noise limit permits control. */
   function unitOf(process, loud) {
     const poles = roots(process.den), speeds = [...poles, ...roots(process.num)].map(([a, b]) => Math.hypot(a, b)).filter(Boolean);
     if (process.delay) speeds.push(1 / process.delay);
@@ -113,12 +113,12 @@
 
   const span = (from, to, count) => Array.from({ length: count }, (_, k) => from * Math.pow(to / from, k / (count - 1)));
 
-  const PLAIN = 250, DECADES = 400; // number of points of the circle, uniform and per decade
+  const PLAIN = 250, DECADES = 400; // number of points of the circle, evenly spaced and per decade
 
-  /* Return the log variance of u for white noise that is held for h, and its slope, as pidalab's SampledNoise. The controller
-     behind a hold is a sum of chains of lags X_i, whose sampled responses satisfy, with a = e^-r and r = h/T,
+  /* Return the log variance of u for white noise that is held for h, and its slope, as pidalab's SampledNoise does. The controller
+     after a hold is a sum of chains of lags X_i. With a = e^-r and r = h/T, their sampled responses satisfy
      (z - a) X_i = P(i, r) + a sum_{j<i} r^(i-j)/(i-j)! X_j, where P is the incomplete gamma function. A derivative is
-     T s = (1 + T s) - 1. By Parseval the variance is the mean of |C S|^2 over the circle. */
+     T s = (1 + T s) - 1. By Parseval's theorem the variance is the mean of |C S|^2 over the circle. */
   function sampledNoise(process, order, h) {
     const n = order + 1, top = Math.PI / h, turns = process.delay ? Array.from({ length: 200 }, (_, k) => (0.3 * (k + 1)) / process.delay).filter((w) => w < top) : [];
     const w = Float64Array.from([...span(1e-5 * top, top, DECADES), ...Array.from({ length: PLAIN }, (_, k) => (top * (k + 1)) / (PLAIN + 1)), ...turns]).sort(), count = w.length;
@@ -128,7 +128,7 @@
     const choose = (m, k) => (k ? (choose(m - 1, k - 1) * m) / k : 1);
     // Coefficients of the lags in each filtered action, T^k s^k/(1 + T s)^n, and in its slope by log T.
     const actions = Array.from({ length: n + 1 }, () => new Float64Array(n + 2)), byTime = Array.from({ length: n + 1 }, () => new Float64Array(n + 2));
-    for (let i = 1; i <= n; i++) actions[0][i] = -1; // filtered 1/s less 1/s
+    for (let i = 1; i <= n; i++) actions[0][i] = -1; // filtered 1/s minus 1/s
     byTime[0][n + 1] = -n;
     for (let k = 0; k < n; k++) {
       for (let j = 0; j <= k; j++) actions[k + 1][n - k + j] = choose(k, j) * (-1) ** j;
@@ -178,7 +178,7 @@
     };
   }
 
-  /* IAE and limits for one plant and order. */
+  /* Return functions for IAE and limits, for one plant and order. */
   function problem(process, order, unit) {
     const n = order + 1, size = order + 3, scale = 1 / placesOf([1 / unit]), units = Array.from({ length: order + 2 }, (_, k) => scale * Math.pow(unit, k - 1));
     function placesOf(w) { const { pr, pi } = places(process, w.map(() => 0), w); return Math.hypot(pr[0], pi[0]); }
@@ -190,8 +190,8 @@
     const grid = Float64Array.from([...span(Math.min(1e-3, 0.01 * slowest) / unit, 0.03 / unit, 40), ...span(0.031 / unit, 12 / unit, 260), ...span(12.5 / unit, 1e3 / unit, 130), ...turns]).sort();
     const axis = places(process, new Float64Array(grid.length), grid);
     const noiseTime = noiseScale(process).sampleTime, noiseOf = sampledNoise(process, order, noiseTime), fastest = Math.log(noiseTime / unit);
-    // s den over a polynomial with stable poles of the same speeds, along the axis. Multiplied by 1 + L, its turns show whether
-    // the loop is stable. With the same speeds a pole beyond the highest frequency turns neither.
+    // Divide s den by a polynomial with stable poles of the same speeds. Multiplied by 1 + L, its turns along the axis show if
+    // the loop is stable. Because the speeds are the same, a pole beyond the highest frequency turns neither.
     const speeds = roots(process.den).map(([a, b]) => Math.hypot(a, b) || 1 / unit);
     const own = Array.from(grid, (w) => {
       let a = 0, b = 0, t;
@@ -204,7 +204,7 @@
       for (let k = 0; k < sizes.length; k++) if (!(sizes[k] < sizes[k - 1]) && !(sizes[k] <= sizes[k + 1])) found.push(k);
       return found;
     };
-    /* Return the top of the parabola through a peak and its neighbours. */
+    /* Return the vertex of the parabola through a peak and its neighbours. */
     const topOf = (sizes, k) => {
       if (!k || k === sizes.length - 1) return sizes[k];
       const a = grid[k - 1] - grid[k], b = grid[k + 1] - grid[k], u = (sizes[k - 1] - sizes[k]) / a, v = (sizes[k + 1] - sizes[k]) / b;
@@ -213,7 +213,7 @@
     };
     const sensitivity = new Float64Array(grid.length);
 
-    /* Return the limits that are near, and true if the loop is stable. */
+    /* Return the peaks near their limits, and true if the loop is stable. */
     function limits(x, ms, loud, near = 0.3) {
       const { gains, time } = read(x), { sr, si } = axis;
       close(axis, gains, time, n);
@@ -224,7 +224,7 @@
         last = angle;
         sensitivity[k] = Math.log(sr[k] * sr[k] + si[k] * si[k]) / 2 - Math.log(ms);
       }
-      const slopeOf = (k) => { // log |S| falls with Re(P S dC)
+      const slopeOf = (k) => { // the slope of log |S| is -Re(P S dC)
         const pr = axis.pr[k] * sr[k] - axis.pi[k] * si[k], pi = axis.pr[k] * si[k] + axis.pi[k] * sr[k], sum = new Float64Array(size);
         slopes(axis, gains, time, n, k, -pr, -pi, sum);
         return sum;
@@ -241,7 +241,7 @@
     }
 
     const re = new Float64Array(SAMPLES), im = new Float64Array(SAMPLES), er = new Float64Array(half), ei = new Float64Array(half);
-    /* Return the log IAE, with the integral of the error after the horizon, and its slope. */
+    /* Return the log IAE and its slope. After the horizon, the integral of the error is used. */
     function worth(x) {
       const { gains, time } = read(x), { pr, pi, sr, si } = line;
       close(line, gains, time, n);
@@ -255,7 +255,7 @@
         re[k] = share * er[k];
         im[k] = -share * ei[k];
       }
-      transform(re, im); // of the conjugate, whose real part is the error
+      transform(re, im); // the transform of the conjugate, whose real part is the error
       let area = 0, sum = 0;
       for (let k = 0; k < SAMPLES; k++) {
         const share = (k ? 1 : 0.5) * step, error = re[k] * growth[k];
@@ -284,8 +284,8 @@
     return { size, units, unit, order, fastest, read, limits, worth };
   }
 
-  /* Return the step d that minimises g d + d B d / 2 subject to c + a d <= 0, with a penalty for violations, by ascent in one
-     multiplier after the other. No unknown moves by more than `reach`, or out of its range. */
+  /* Return the step d that minimises g d + d B d / 2 subject to c + a d <= 0, with a penalty for violations. The method is ascent
+     in one multiplier after the other. No unknown moves by more than `reach`, or out of its range. */
   function stepOf(B, g, rows, lows, highs) {
     const n = g.length, inverse = inverted(B);
     const times = (a) => inverse.map((row) => dot(row, a));
@@ -334,7 +334,7 @@
       }
       if (!then) { if (calm++) break; reach /= 10; B = x.map((_, i) => x.map((_, j) => (i === j ? 1 : 0))); continue; }
       const gain = before - merit(then.value, ahead.missed);
-      // Update the curvature of the Lagrangian, damped.
+      // Update the curvature of the Lagrangian, with damping.
       const s = next.map((v, k) => v - x[k]), slopesThen = limit.near.length ? closest(limit.near, ahead.near) : [];
       const y = s.map((_, k) => then.slope[k] - at.slope[k]);
       slopesThen.forEach((other, i) => { if (other && pull[i]) { const ours = rows[i].slope, theirs = other.slope(); for (let k = 0; k < size; k++) y[k] += pull[i] * (theirs[k] - ours[k]); } });
@@ -349,15 +349,15 @@
     return { x, value: at.value, missed: limit.missed };
   }
 
-  /* Return for each limit that was near the nearest one along the axis after a step. */
+  /* For each limit that was near, return the limit that is nearest to it along the axis after a step. */
   const closest = (before, after) => before.map(({ which, k }) => {
     let found = null;
     for (const other of after) if (other.which === which && !(Math.abs(other.k - k) >= Math.abs((found?.k ?? Infinity) - k))) found = other;
     return found && Math.abs(found.k - k) < 15 ? found : null;
   });
 
-  /* Return controllers to start from: PI and PID with filters of several speeds, controllers with all zeros at one place below
-     a chosen crossover, for plants that need a derivative to be stable, and the stored optima of other plants. */
+  /* Return controllers to start from. These are PI and PID with filters of several speeds; controllers with all zeros at one
+     place below a chosen crossover, for plants that need derivative action; and the stored optima of other plants. */
   function candidates(one, process) {
     const found = [], { order, unit } = one, least = Math.exp(-12);
     const add = (actions, time) => found.push([...one.units.map((_, k) => Math.log(Math.max(actions[k] ?? 0, least))), Math.min(Math.max(time, one.fastest), SLOWEST)]);
@@ -380,7 +380,7 @@
 
   const KINDS = Object.keys(ORDER), STARTS = 6, APART = 0.8, SAME = 0.005;
 
-  /* Return the best different candidates: stable, near the limits, fast. */
+  /* Return the best candidates that differ. They must be stable, near the limits and fast. */
   function startsOf(one, process, ms, loud) {
     const ranked = candidates(one, process).map((x) => ({ x, ...one.limits(x, ms, loud, 0) })).filter(({ stable }) => stable)
       .map(({ x, missed }) => ({ x, cost: 3 * missed - x[0] })).sort((a, b) => a.cost - b.cost).slice(0, 60)
@@ -390,7 +390,7 @@
     return chosen;
   }
 
-  /* Return the descents from all starts for a plant with positive gain, the best first. */
+  /* Return the descents from all starts, for a plant with positive gain, the best first. */
   function searched(process, order, unit, ms, loud, below) {
     const one = problem(process, order, unit), ends = [];
     const go = (start) => {
@@ -399,10 +399,10 @@
       return end;
     };
     for (const start of startsOf(one, process, ms, loud)) go(start);
-    const lower = below?.best; // with hardly any of the highest derivative, and with some
+    const lower = below?.best; // start with hardly any of the highest derivative, and with some
     if (lower) for (const share of [-6, -1.5]) go([...lower.x.slice(0, -1), lower.x[order] + share, lower.x[order + 1]]);
     ends.sort((a, b) => a.value - b.value);
-    // Neighbouring local optima are tried: another filter time and, for a PIDA, more or less acceleration at equal noise.
+    // Try neighbouring local optima, which have another filter time or, for a PIDA, more or less acceleration at equal noise.
     const valleys = [[-1.5, 0, 0], [1.5, -0.3, -0.3], ...(order > 1 ? [-0.9, 0.9, 1.7].map((f) => [f, 2 * f, 0.1 * f]) : [])];
     if (ends.length) for (const [filter, highest, others] of valleys) {
       const { x } = ends[0];
@@ -410,7 +410,7 @@
     }
     const further = () => {
       ends.sort((a, b) => a.value - b.value);
-      for (const k of [0, 1, 2]) for (let again = 0; ends[k] && again < 5; again++) { // with a new curvature
+      for (const k of [0, 1, 2]) for (let again = 0; ends[k] && again < 5; again++) { // repeat with a new curvature
         const end = descend(one, ends[k].x, ms, loud);
         if (!end || end.missed > 1e-3 || !(end.value < ends[k].value - 1e-4)) break;
         ends[k] = end;
@@ -418,7 +418,7 @@
       ends.sort((a, b) => a.value - b.value);
     };
     further();
-    // While only one start has found the best, further starts around it are tried.
+    // While only one start has found the best end, try further starts near it.
     const lone = () => ends.length && !(ends[1]?.value < ends[0].value + Math.log(1 + SAME));
     for (let round = 0; round < 3 && lone(); round++) {
       const { x } = ends[0], shaken = uniform(1, 3 * (round + 1) * x.length);
@@ -428,8 +428,8 @@
     return { one, ends, best: ends[0] };
   }
 
-  /* Make the limits hold between grid points, too. Each time the limits are reduced a little, and at last the integral gain or
-     all gains. */
+  /* Make the limits hold between grid points, too. Each pass reduces the limits slightly. The last resort is to reduce the
+     integral gain or all gains. */
   function finished(process, one, start, ms, noise) {
     const { gain } = noiseScale(process);
     const designOf = (x) => {
@@ -441,7 +441,7 @@
     for (let round = 0; round < 6; round++) {
       last = judged(x);
       if (last.keeps) return last;
-      // The violation is subtracted from the limit, a little more each time.
+      // Subtract the violation from the limit, slightly more in each pass.
       if (last.stable) aimed = [[ms, last.ms], [noise, last.noise]].map(([most, is], k) => aimed[k] * Math.min(1, Math.pow(((1 - 1e-6) * most) / is, 1 + round)));
       x = descend(one, x, ...aimed)?.x ?? x;
     }
@@ -452,7 +452,7 @@
     return null;
   }
 
-  /* Return the IAE after a unit load step until the response has settled, with the integral of the error for the remainder. */
+  /* Return the IAE after a unit load step until the response has settled. The integral of the error gives the remainder. */
   function settled(process, design, unit) {
     const own = controller(design), end = 100 * unit, { t, y } = simulate({ process, controller: own, end, points: 4001, load: 1 });
     let sum = 0;
@@ -462,7 +462,7 @@
 
   function find(process, kind, { ms, noise }) {
     const { num, den, delay } = process, order = ORDER[kind], scale = noiseScale(process), loud = noise * scale.gain;
-    const sign = Math.sign(num[num.length - 1]) * Math.sign(den[0]); // integral action is stable with no other sign
+    const sign = Math.sign(num[num.length - 1]) * Math.sign(den[0]); // integral action is stable only with this sign
     if (!sign) throw new RangeError("the plant has no gain");
     if (!(ms > 1)) throw new RangeError(`Ms must be above 1, found ${ms}`);
     if (!(noise > 0)) throw new RangeError(`the noise limit must be above 0, found ${noise}`);

@@ -1,15 +1,17 @@
-/* Line plots as plain SVG: axes, lines that differ in dash as well as in colour, nothing else.
+/* Line plots as plain SVG, with axes and with lines that differ in dash as well as in colour.
 
-   pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element
-   `host`; a second call moves the lines, and draws the axes anew where they changed. An axis has a `range`, or shows what its lines need; `around` says what of them. A line with `stairs` holds each value until the next. `kind` 0, 1, 2 … takes the colour and dash of that design, "mark" a thin grey line,
-   "dots" a record. `notes` are {x, y, words, anchor, below} at a place; `handles` are dots {x, y, label, drag}: a drag calls drag(x, y). A pointer over the plot calls `follow` with the
-   place on the horizontal axis, and pidalabPlot.point(host, place) shows there the values of all lines, along their `by` where
-   that is not x. A mouse that draws a box zooms, a double click undoes that. All colours come from the style sheet, so that both themes fit. */
+   pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element `host`.
+   A second call moves the lines, and draws the axes again if they changed. An axis has a `range`, or shows what its lines need;
+   `around` selects the part of the lines. A line with `stairs` holds each value until the next. `kind` 0, 1, 2 … has the colour
+   and dash of that design, "mark" is a thin grey line, and "dots" is a record. `notes` are {x, y, words, anchor, below} at a
+   place. `handles` are dots {x, y, label, drag}; dragging a dot calls drag(x, y). A pointer over the plot calls `follow` with the
+   place on the horizontal axis. pidalabPlot.point(host, place) shows the values of all lines there, along `by` where this is not
+   x. Drawing a box with a mouse zooms, and a double click undoes it. The style sheet defines all colours for both themes. */
 (function () {
   "use strict";
   const WIDTH = 440, HEIGHT = 270, LEFT = 56, RIGHT = 10, TOP = 26, BOTTOM = 40;
 
-  /* Create a part of the page from its description: a text, or [name, attributes, ...descriptions of its children]. */
+  /* Create a part of the page from its description, which is a text or [name, attributes, ...descriptions of its children]. */
   function create(parent, wanted) {
     if (typeof wanted === "string") return document.createTextNode(wanted);
     const made = document.createElementNS(parent.namespaceURI, wanted[0]);
@@ -17,8 +19,8 @@
     return made;
   }
 
-  /* Change a part of the page from one description to another. Only differences are touched, since each touched element is
-     laid out again. */
+  /* Change a part of the page from one description to another. Only differences are touched, since the browser lays out each
+     touched element again. */
   function alter(part, [, attributes, ...wanted], [, known, ...before] = ["", {}]) {
     for (const key in attributes) if (attributes[key] !== known[key]) part.setAttribute(key, attributes[key]);
     for (const key in known) if (!(key in attributes)) part.removeAttribute(key);
@@ -32,7 +34,7 @@
     for (let k = wanted.length; k < before.length; k++) part.lastChild.remove();
   }
 
-  const shown = new WeakMap(); // the description of what a place shows
+  const shown = new WeakMap(); // the description of what each place shows
 
   /* Show descriptions in a place. Nothing else may change the children of this place. */
   function show(place, ...inside) {
@@ -41,7 +43,7 @@
     shown.set(place, wanted);
   }
 
-  /* Create an element with attributes; names that begin with "on" add listeners. */
+  /* Create an element with attributes. Names that begin with "on" add listeners. */
   function element(name, attributes = {}, ...children) {
     const made = document.createElement(name);
     for (const [key, value] of Object.entries(attributes)) {
@@ -53,7 +55,7 @@
     return made;
   }
 
-  /* Split a text into parts with its symbols set as in Notation: Ms becomes M with the index s. */
+  /* Split a text into parts, with its symbols set as in Notation. For example, Ms becomes M with the index s. */
   const SYMBOL = /\b(M(?:ks|s|t)|[kt][pida]|T[fst123])\b/;
   function marked(text, index = ["sub", {}]) {
     return text.split(SYMBOL).flatMap((part, k) => (k % 2 ? [part[0], [...index, part.slice(1)]] : part ? [part] : []));
@@ -80,7 +82,7 @@
       const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
       const each = Math.max(1, Math.ceil((last - first + 1) / 6)), found = [];
       for (let power = first; power <= last; power += each) found.push(Math.pow(10, power));
-      // a short axis needs ticks between the powers of ten
+      // A short axis needs ticks between the powers of ten.
       if (found.length < 3) for (let power = first - 1; power <= last; power++) for (const m of [2, 5]) found.push(m * Math.pow(10, power));
       return found.filter((x) => x >= low * (1 - 1e-9) && x <= high * (1 + 1e-9)).sort((a, b) => a - b);
     }
@@ -100,16 +102,16 @@
     return (Math.abs(text) >= 1e5 ? text.toExponential(0) : String(text)).replace("-", "−");
   };
 
-  /* A range rounded outwards, so that the axis rests while a curve moves a little: to a fifth of the step of its ticks, or to a
-     tenth of a decade. */
+  /* Round a range outwards to a fifth of the step of its ticks, or to a tenth of a decade. So the axis rests while a curve moves
+     slightly. */
   function rounded([low, high], log) {
     if (log) return [Math.pow(10, Math.floor(10 * Math.log10(low)) / 10), Math.pow(10, Math.ceil(10 * Math.log10(high)) / 10)];
     const [first, second] = ticks([low, high]), step = (second - first) / 5;
     return [Math.floor(low / step) * step, Math.ceil(high / step) * step];
   }
 
-  /* Return the points of a line that are visible: of many points within a unit of width the first, the lowest, the highest
-     and the last. */
+  /* Return the points of a line that are visible. Of many points within a unit of width, these are the first, the lowest, the
+     highest and the last. */
   function visible(across, up) {
     const kept = [];
     for (let from = 0, to; from < across.length; from = to) {
@@ -128,7 +130,7 @@
 
   const place = ({ log, start, each }, value) => start + each * (log ? Math.log10(value) : value);
 
-  /* Return the path of a line. With `stairs` it goes along before it goes up. */
+  /* Return the path of a line. With `stairs` the path first goes along, then up. */
   function path({ x, y, stairs }, px, py) {
     const limit = (value) => Math.max(-9999, Math.min(9999, value));
     let drawn = "", across = [], up = [];
@@ -152,7 +154,7 @@
     return drawn;
   }
 
-  const places = new WeakMap(); // the plot that each place holds
+  const places = new WeakMap(); // the plot in each place
 
   let count = 0;
 
@@ -161,7 +163,7 @@
     places.set(host, found);
     found.picture = picture;
     let xRange = found.zoom?.x ?? x.range ?? extent(lines, "x", x.log), yRange = found.zoom?.y ?? y.range ?? rounded(y.around ?? extent(lines, "y", y.log), y.log);
-    if (equal) { // the same scale on both axes, as a Nyquist plot needs
+    if (equal) { // use the same scale on both axes, as a Nyquist plot requires
       const perX = (xRange[1] - xRange[0]) / (WIDTH - LEFT - RIGHT), perY = (yRange[1] - yRange[0]) / (HEIGHT - TOP - BOTTOM);
       const grow = (range, factor) => {
         const middle = (range[0] + range[1]) / 2, half = ((range[1] - range[0]) / 2) * factor;
@@ -224,7 +226,7 @@
     show(found.front, ...parts);
   }
 
-  /* Show the values at a place of a plot, or none. */
+  /* Show the values at a place of a plot, or hide them. */
   function point(host, at) {
     const found = places.get(host);
     if (!found || found.at === at) return;
@@ -270,7 +272,7 @@
     svg.addEventListener("dblclick", () => { found.zoom = null; draw(host, found.picture); });
   }
 
-  /* Create an empty plot: a group for its axes and one for its lines. */
+  /* Create an empty plot with a group for its axes and a group for its lines. */
   function frame(host, title) {
     const clip = `pidalab-clip-${++count}`, box = { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM };
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
@@ -282,7 +284,7 @@
     return found;
   }
 
-  /* Return title, grid and tick labels of a plot. The lines of the grid are one path. */
+  /* Return title, grid and tick labels of a plot. The lines of the grid are a single path. */
   function grid({ title, x, y, xRange, yRange, px, py }) {
     const below = ["tspan", { "baseline-shift": "sub", "font-size": "75%" }];
     const text = (x, y, name, anchor, words) => ["text", { x, y, class: name, "text-anchor": anchor }, ...marked(words, below)];

@@ -18,7 +18,7 @@
     return Date.parse(iso) / 1000;
   }
 
-  /* Return an entry as a number, NaN if it is missing, undefined if it is neither. A comma is a decimal comma unless commas
+  /* Return an entry as a number, NaN if it is missing, or undefined if it is neither. A comma is a decimal comma unless commas
      separate the columns. */
   function number(entry, comma) {
     if (entry.length > LONGEST_ENTRY) return undefined;
@@ -31,7 +31,7 @@
   }
 
   /* Return the rows of a table and the names of its columns. The separator is the mark that gives the most columns of numbers
-     and the fewest others, and the names are the last line of words above the numbers. */
+     and the fewest other columns. The names are in the last line of words above the numbers. */
   function table(lines) {
     const long = lines.find((line) => line.length > LONGEST_LINE);
     if (long) throw new RangeError(`a line has ${long.length} characters; a record has at most ${LONGEST_LINE} in each`);
@@ -48,8 +48,9 @@
     return { rows: best, names: words.length === width ? words : Array.from({ length: width }, (_, k) => `column ${k + 1}`), named: words.length === width };
   }
 
-  /* Return times, inputs and outputs from the chosen columns, by default the first three, or time and output after a unit step
-     at the first time. Rows with a missing value are left out, times are sorted, and values at equal times are averaged. */
+  /* Return times, inputs and outputs from the chosen columns. By default these are the first three. With two columns they are
+     time and output after a unit step at the first time. Rows with a missing value are left out, times are sorted, and values at
+     equal times are averaged. */
   function readRecord(text, chosen = [0, 1, 2]) {
     const lines = text.split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
     if (!lines.length) throw new RangeError("the file is empty");
@@ -86,11 +87,11 @@
     return points.sort((a, b) => a.f - b.f)[0];
   }
 
-  const MOST = 800; // number of samples of a fit
-  const NEGLIGIBLE = 2e-3; // a lag or a dead time below this share of all times is left out
+  const MOST = 800; // largest number of samples of a fit
+  const NEGLIGIBLE = 2e-3; // a lag or dead time below this share of the sum of all times is left out
   const share = (x) => 1 / (1 + Math.exp(-x));
-  /* Structures, the simplest first, so that noise does not add lags. The unknowns are unbounded: logarithms of times, and a
-     share or a damping. */
+  /* List model structures, the simplest first, so that noise does not add lags. The unknowns are unbounded: logarithms of times,
+     and a share or a damping. */
   const STRUCTURES = [
     { name: "a lag and a dead time", from: [], own: ([t]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 1, integrating: false }) },
     { name: "lags and a dead time", from: [0, -1], own: ([t, s, r]) => ({ t1: Math.exp(t), t2: Math.exp(t) * share(s), t3: Math.exp(t) * share(s) * share(r), damping: 1, integrating: false }) },
@@ -98,7 +99,7 @@
     { name: "an oscillating pair and a dead time", from: [0], own: ([t, s]) => ({ t1: Math.exp(t), t2: 0, t3: 0, damping: 0.02 + 0.97 * share(s), integrating: false }) },
   ];
 
-  /* Return the least-squares model, with the simplest structure unless another one reduces the residual by a tenth. Gain and
+  /* Return the least-squares model. A structure is preferred to a simpler one only if it reduces the residual by a tenth. Gain and
      rest level follow by linear regression, dead time and time constants by a search from several starts. */
   function fit({ t, u, y }) {
     const span = t[t.length - 1], steps = t.slice(1).map((x, k) => x - t[k]).sort((a, b) => a - b), h = Math.max(steps[steps.length >> 1], span / MOST);
@@ -129,7 +130,7 @@
       if (!best || found.rest < 0.9 * best.rest) best = found;
     }
     if (!Number.isFinite(best.rest)) throw new RangeError("no model fits this record");
-    // A lag or a dead time that is too short for the samples is left out.
+    // Leave out a lag or a dead time that is too short for the samples.
     const together = best.own.t1 + best.own.t2 + best.own.t3 + best.own.delay;
     for (const lag of [...(best.own.integrating ? ["t1"] : []), "t2", "t3", "delay"]) if (best.own[lag] < NEGLIGIBLE * together) best.own[lag] = 0;
     const whole = output.reduce((sum, value) => sum + value, 0) / output.length, total = output.reduce((sum, value) => sum + (value - whole) ** 2, 0);

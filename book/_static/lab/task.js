@@ -1,6 +1,6 @@
-/* Tasks: a <div class="pidalab-task"> with its data in a script gets fields, a button and a verdict. The hint unfolds after
-   the second wrong try, the answer after the third. Entries and solved tasks are stored in the browser. A
-   <div class="pidalab-steps"> shows one of its tasks at a time. */
+/* Tasks: a <div class="pidalab-task"> with its data in a script gets fields, a button and a verdict. The hint unfolds after the
+   second wrong try, and the answer after the third. The browser stores entries and solved tasks. A <div class="pidalab-steps">
+   shows one of its tasks at a time. */
 (function () {
   "use strict";
   const { judge } = globalThis.pidalabJudge;
@@ -8,7 +8,7 @@
   const { element, marked, show } = globalThis.pidalabPlot;
   const HINT_AFTER = 2, ANSWER_AFTER = 3;
 
-  /* For each field a letter, its index, and words. */
+  /* For each field: a letter, its index, and words. */
   const FIELDS = {
     answer: ["", "", "Your answer"], kp: ["k", "p", "gain"], ti: ["t", "i", "integral time"], td: ["t", "d", "derivative time"],
     ta: ["t", "a", "acceleration, a time squared"], Tf: ["T", "f", "filter time"], Tt: ["T", "t", "tracking time"], h: ["h", "", "sample time"],

@@ -57,7 +57,7 @@
       status.textContent = `Fetching ${stages[stage] ?? "done"}: ${(sum / 1e6).toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
     };
     const part = (name) => fetched(store, address(name), count(name));
-    // Files are fetched one after the other, which needs less memory.
+    // Fetch files one after the other, which needs less memory.
     const module = engine?.module ?? await WebAssembly.compileStreaming(
       new Response(await part("python.wasm.gz"), { headers: { "Content-Type": "application/wasm" } }));
     const packages = await new Response(await part("packages.zip")).arrayBuffer();
@@ -102,7 +102,7 @@
     }
   }
 
-  /** Add a toolbar to each cell that shows its code. The other cells run before the next one with a toolbar. */
+  /** Add a toolbar to each cell that shows its code. Other cells run just before the next cell with a toolbar. */
   function prepare(sources) {
     const plain = (text) => text.replace(/\s+/g, "");
     const blocks = [...document.querySelectorAll("div.cell > .cell_input pre, div.cell > details .cell_input pre")];
@@ -142,7 +142,7 @@
     cell.output.replaceChildren();
   }
 
-  /** Run a cell, after all earlier cells that have not run since they, or a cell before them, changed. */
+  /** Run a cell. First run all earlier cells that have not run since they, or cells before them, changed. */
   function runUpTo(number, again = false) {
     if (again) cells[number].ran = false;
     const mine = session;

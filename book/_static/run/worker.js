@@ -1,4 +1,4 @@
-// One interpreter for one page. It gets the compiled engine and the packed files, and answers calls of `session.py`.
+// One interpreter for one page. It receives the compiled engine and the packed files, and answers calls of `session.py`.
 const say = (kind, value) => postMessage([kind, value]);
 const bytes = (text) => new TextEncoder().encode(text);
 let turn;
@@ -16,7 +16,7 @@ onmessage = async ({ data }) => {
 async function start({ base, module, packages, pack }) {
   const { WASI, File, OpenFile, Directory, PreopenDirectory, ConsoleStdout } = await import(`${base}shim/index.js`);
 
-  // book.pack holds the length of its index in eight digits, the index, and the contents of the files.
+  // book.pack contains the length of its index in eight digits, the index, and the contents of the files.
   const view = new Uint8Array(pack), read = (from, length) => view.subarray(from, from + length);
   const head = Number(new TextDecoder().decode(read(0, 8)));
   const index = JSON.parse(new TextDecoder().decode(read(8, head)));
@@ -43,7 +43,7 @@ async function start({ base, module, packages, pack }) {
     [
       new OpenFile(new File([])), out(), out(),
       new PreopenDirectory(lib, new Map([["python315.zip", new File(packages)]])),
-      // matplotlib looks for its fonts next to its code, which is in the zip.
+      // matplotlib looks for its fonts next to its code, but its code is in the zip.
       new PreopenDirectory(`${lib}/python315.zip/matplotlib/mpl-data`, fonts),
       new PreopenDirectory("/", tree.contents),
     ],

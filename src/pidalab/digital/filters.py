@@ -132,7 +132,7 @@ def filter_chains(
     `behind` holds the time constant and the number of these lags. The weight of the set point is 1 in the integral, b
     in the proportional part and c in the derivatives.
     """
-    _require_useful("filter behind the controller", *behind, h, method)
+    _require_useful("filter after the controller", *behind, h, method)
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
         _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)

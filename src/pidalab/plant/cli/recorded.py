@@ -192,7 +192,7 @@ def read_record(options: dict[str, Any]) -> pidalab.Record:
     if not low <= least <= most <= high:
         raise ValueError(
             f"--u-min and --u-max must contain u of the record, which runs from {least:.6g} to {most:.6g}, found "
-            f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it behind "
+            f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it after "
             "the limits of the actuator"
         )
     return record

@@ -145,7 +145,7 @@ def runs_away(record: Record, data: FitData, found: FitResult) -> str:
     return (
         f"u answers to y in this record, as in a closed loop, and with the fitted gain of {gain:.3g} that loop would "
         "run away: the u of the record is not what reached the plant, or something else moved the output; log u "
-        "behind the limits of the actuator, or step it by hand"
+        "after the limits of the actuator, or step it by hand"
     )
 
 
