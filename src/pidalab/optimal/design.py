@@ -103,8 +103,6 @@ def load(
 
     Returns
     -------
-    Returns
-    -------
     Design
         Design with a `HighOrderPID`, whose gains are negative if the process has negative gain. `info` contains
         ``iae``, ``ms`` and ``mks``; ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were limited; ``active``,

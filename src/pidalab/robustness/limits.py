@@ -375,7 +375,6 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     frequencies. With F = E/s the real part equals Im E/ω, and E has no such pole.
     """
     # If F has a pole at 0, use the factors of E = s F.
-    # With a pole at 0 these are the factors of E = s F.
     axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))
 
     def function(samples: Samples) -> Any:
