@@ -349,27 +349,27 @@ def loaded(data: FitData) -> FitData:
     return min((data._replace(load=float(time)) for time in times), key=cost)
 
 
-def rivals(data: FitData, found: FitResult) -> tuple[tuple[Shape, Array], ...]:
+def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
     """Return models with one more lag that the record does not rule out, with the longest such lag and a medium lag.
 
     If the model has equal lags, unequal lags are rivals too, since they change a record almost as equal lags do.
     """
     span = data.t[-1] - float(data.change_times[0])
-    hidden = _hidden(data, found, span, found.near)
-    if found.shape.name == "lags":
-        hidden += _hidden(data, search(data, SECOND_ORDER), span, found.near)
+    hidden = _hidden(data, result, span, result.near)
+    if result.shape.name == "lags":
+        hidden += _hidden(data, search(data, SECOND_ORDER), span, result.near)
     return tuple(hidden)
 
 
-def _hidden(data: FitData, found: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
+def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
     """Return the model with the longest further lag that still fits, and the model with a medium lag."""
-    *times, delay = found.values[2:].tolist()
+    *times, delay = result.values[2:].tolist()
     # Include one sample, since an integrator without dead time can hide a lag of one sample.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
         # Start with the further lag replacing dead time.
-        rival = refined(data, behind_lag(found.shape, lag), [*times, max(delay - lag, 0.0)], span)
+        rival = refined(data, behind_lag(result.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))
     return [hidden[len(hidden) // 2], hidden[-1]] if len(hidden) > 1 else hidden
