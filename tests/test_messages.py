@@ -96,8 +96,8 @@ slow = pidalab.open_loop_step(sopdt(1.0, 1.0, 0.05, 0.0), np.linspace(0.0, 10.2,
 
 MESSAGES = {
     "blocks": [
-        (lambda: P * C, r"a Process .* found PIDA; blocks meet in a loop"),
-        (lambda: C * P, r"a PIDA .* found Process; blocks meet in a loop"),
+        (lambda: P * C, r"a Process .* found PIDA; to connect process"),
+        (lambda: C * P, r"a PIDA .* found Process; to connect process"),
         (lambda: np.array([1.0, 2.0]) * C, "found ndarray"),
         (lambda: P * np.nan, "the factor must be finite, found nan"),
         (lambda: L.S("1j"), "s must be complex numbers, found '1j'"),

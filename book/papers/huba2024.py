@@ -1,4 +1,4 @@
-"""The loop of the paper's Fig. 3, in which huba2024 tries its controllers, and a simulated dryer."""
+"""The loop of Fig. 3 of huba2024, its measures and portraits, and a simulated dryer."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -13,7 +13,7 @@ from pidalab.forms import FilteredGains
 from pidalab.process import binomial
 from pidalab.rules import automatic_reset as ar, mrdp
 
-T_S, SPARE = 0.001, 0.1  # sample time; how far the limits lie beyond the states of rest
+T_S, SPARE = 0.001, 0.1  # sample time; distance of the limits from u at rest
 STEPS = ("setpoint", "load")
 FREE = (-np.inf, np.inf)
 
@@ -24,26 +24,26 @@ def plant(delay=1.0):
 
 
 def design(setting, n=4, filter_time=0.2, **options):
-    """Return a controller for T_dp = 1 behind Q_n; by default n T_f = 0.8, so T_d = 1.8."""
+    """Return a design for T_dp = 1 with the filter Q_n; by default n T_f = 0.8, so T_d = 1.8."""
     return ar.tune(plant(), setting, n=n, filter_time=filter_time, **options)
 
 
-# the paper's six controllers
+# The six controllers of the paper.
 DESIGNS = {name: design(setting) for name, setting in ar.SETTINGS.items()}
 
 
 def label(name):
-    """Return a name as a figure writes it."""
+    """Return the name of a controller for a figure."""
     return name.replace("_1", "$_1$").replace("_2", "$_2$")
 
 
 def limits(step, spare=SPARE):
-    """Return limits that leave the actuator so much beyond what it needs at rest."""
+    """Return limits at the distance `spare` from u at rest."""
     return (-spare, spare) if step == "setpoint" else (-1.0 - spare, spare)
 
 
 def sampled(loop, step, bounds=None, end=60.0, h=T_S, **options):
-    """Return the response to a unit step of set point or load, by default between the limits of Paper Fig. 3."""
+    """Return the response to a unit step of set point or load, by default at the limits of Fig. 3."""
     given = {"setpoint": 0.0, "load": 0.0, "limits": bounds or limits(step)} | options
     t = h * np.arange(round(end / h) + 1)
     return pidalab.simulate_sampled(loop, t, **given | {step: 1.0})
@@ -59,7 +59,7 @@ def runs(names=DESIGNS, bounds=None):
 
 
 def excess(response, step):
-    """Return what y and u move beyond their ideal shapes: a monotonic step, or one pulse as in (24)."""
+    """Return the movement of y and u beyond their ideal shape, a monotonic step or one pulse as in (24)."""
     if step == "setpoint":
         found = response.tv("y", final=1.0) - 1.0, response.tv1("u", final=0.0)
     else:
@@ -68,7 +68,7 @@ def excess(response, step):
 
 
 def shapes(runs, *names):
-    """Return the excess of y and u, with the change of the signal that it is measured against, for both steps."""
+    """Return the excess of y and u and the change of each signal, for both steps."""
     found = {}
     for name, step in product(names, STEPS):
         r = runs[name, step]
@@ -82,7 +82,7 @@ def shapes(runs, *names):
 
 
 def beyond(response, step):
-    """Return the overshoot of the set point, or undershoot after the load, in units of y; not below 0."""
+    """Return the overshoot after a set-point step, or the undershoot after a load, in units of y."""
     return max(0.0, response.y.max() - 1.0 if step == "setpoint" else -response.y.min())
 
 
@@ -112,14 +112,14 @@ def portrait(
 
 
 def worst(p, step="load"):
-    """Return the larger excess of y and u in a portrait: over one pulse, for y after the set point over a step."""
+    """Return the larger excess of y and u in a portrait; the ideal y after a set-point step is a monotonic step."""
     of_y = p.tv1_y if step == "load" else p.tv_y + np.abs(1.0 - p.y_end) - 1.0
     return np.maximum(of_y, p.tv1_u)
 
 
 @dataclass(frozen=True)
 class Series(Controller):
-    """A stabilising controller of any degree, gains from the lowest power upwards, with automatic reset."""
+    """Stabilising controller of any degree with automatic reset; gains from the lowest power upwards."""
 
     stabiliser: tuple[float, ...]
     ti: float
@@ -140,10 +140,10 @@ class Series(Controller):
 
 
 def higher(m, n, te=0.8, delay=1.0, real=False):
-    """Return the loop of PID^m of the multiple pole behind Q_n, T_f = te/n. Its fastest zero is the reset.
+    """Return the loop of PID^m of the multiple pole with Q_n, T_f = te/n, and its fastest zero as reset.
 
-    If that is one of a complex pair, both become real first, as in (26) to (29); or with
-    `real` the fastest real zero is taken instead.
+    If that zero is one of a complex pair, both become real first, as in (26) to (29). With
+    `real` the fastest real zero becomes the reset instead.
     """
     numerator, T = mrdp.constants(m).numerator, 1.0 + te
     zeros = np.roots(numerator).astype(complex)
@@ -162,16 +162,16 @@ def higher(m, n, te=0.8, delay=1.0, real=False):
 
 
 def behind(lag, filter_time):
-    """Return one lag behind the filter Q_4."""
+    """Return one lag in series with the filter Q_4."""
     return pidalab.Process(
         [1.0], np.convolve(pidalab.lags(4, filter_time).den, [lag, 1.0])
     )
 
 
 def dryer(gain, delay, rise=4.0, sensor=10.0, transport=5.0):
-    """Simulated dryer from V to K, and the T_f behind which its tangent is the model (32).
+    """Return a simulated dryer from V to K, and the T_f with which its tangent is the model (32).
 
-    Assumed are the final rise in K/V, the lag of the sensor and the transport delay. The slow
+    The final rise in K/V, the lag of the sensor and the transport delay are assumed. The slow
     lag and T_f follow.
     """
     slow, filter_time, t = 5000.0, 15.0, np.linspace(0, 1500, 15001)
@@ -222,7 +222,7 @@ def draw_dryer(process, filter_time, gain, delay):
     smooth = identification.binomial_filtered(t, y, filter_time, 4)
     model = identification.ipdt_least_squares(t, smooth, 12.0)
     ramp = 12.0 * model.num[0] * np.maximum(t - model.delay, 0.0)
-    lines = {"record": (y, 400), "behind $Q_4$": (smooth, 100), "model": (ramp, 100)}
+    lines = {"record": (y, 400), "filtered": (smooth, 100), "model": (ramp, 100)}
     for name, (line, points) in lines.items():
         first.plot(*plots.thin(t[t <= 600], line[t <= 600], points), label=name)
     first.set(title="Fig. 5: step to 12 V", ylabel="rise, K", xlim=(0, 600))
@@ -240,7 +240,7 @@ def draw_dryer(process, filter_time, gain, delay):
     return figure
 
 
-# how the paper writes what the ledger calls so
+# The paper's words for the parts of an id.
 WORDS = {"tau0": "τ_0", "kappa": "κ", "tau_i": "τ_i", "tau_d": "τ_D", "tau_a": "τ_A"}
 WORDS |= {"s0": "s_0 T_d", "kp": "K_p K_s T_d", "ti": "T_i/T_d", "td": "T_D/T_d"}
 WORDS |= {"kd": "K_d K_s", "ka": "K_a K_s/T_d", "ta2": "T_A²/T_d²", "re": "real part"}

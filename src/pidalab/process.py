@@ -37,7 +37,7 @@ class Block:
             return self._in_series(other)
         if isinstance(other, (int, float, np.integer, np.floating)):
             return self._scaled(_check.real("the factor", other))
-        hint = "; blocks meet in a loop, pidalab.Loop(process, controller), whose L is their product"
+        hint = "; to connect process and controller, use pidalab.Loop(process, controller)"
         raise TypeError(
             f"a {type(self).__name__} can be multiplied by a number or a system of python-control, found "
             f"{type(other).__name__}{hint if isinstance(other, Block) else ''}"

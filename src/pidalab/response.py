@@ -319,7 +319,7 @@ class Response(Signals):
         self._require_bounded("y", self.y, measure)
         if target == 0:
             raise ValueError(
-                f"{measure} needs a final value other than 0, found one of the set point; give final, or use peak()"
+                f"{measure} needs a final value other than 0, found a set point ending at 0; give final or use peak()"
             )
         return target
 
@@ -400,7 +400,7 @@ class Response(Signals):
         if self.t.size >= FEWEST_JUDGED and missing > ARRIVED_SHARE and ends_early:
             raise ValueError(
                 f"{measure} needs a record that passes the peak or comes within {100 * ARRIVED_SHARE:g} % of the final "
-                f"value, found {100 * missing:.3g} % left at t = {self.t[-1]:g}; simulate longer"
+                f"value, found a distance of {100 * missing:.3g} % at t = {self.t[-1]:g}; simulate longer"
             )
         return target
 
@@ -607,7 +607,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must contain the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
+                f"band must contain the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen the band"
             )
 
         def entry(record: Response) -> float:

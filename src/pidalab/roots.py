@@ -99,7 +99,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         least = 1.0
     if not least <= ALLOWED:
         raise ValueError(
-            f"the roots of a polynomial of degree {degree} are lost in rounding: their product differs from it by "
+            f"the roots of a polynomial of degree {degree} are lost in rounding: their polynomial differs from it by "
             f"{least:.1g}; take fewer lags, or another model"
         )
     return _in_pairs(best * scale)

@@ -113,7 +113,6 @@ class Signals:
             Function that computes the measure of a record without warnings.
         signal : {"y", "u"}
             Signal to measure.
-            Signal that is measured.
         missed : callable, optional
             Function that bounds how much the samples of a record underestimate extremes.
         least : float, optional

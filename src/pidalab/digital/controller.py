@@ -38,7 +38,6 @@ class DigitalController(Parameters):
     without integral action starts with its own signal instead.) In manual mode the control signal is the given value,
     and the integral tracks it. A sample with an invalid signal is skipped, and the control signal keeps its value.
     ``step`` stores its states in the object. Simulations keep separate states.
-    states in the object. Simulations have states of their own.
 
     Parameters
     ----------
@@ -355,9 +354,9 @@ class DigitalController(Parameters):
         precision : {"double", "single"}, optional
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
-            For the comment at the top: ``margins`` of the loop, further lines ``note``, ``time_unit`` of the sample
             Lines of the comment at the top: ``margins`` of the loop, text ``note``, ``time_unit`` of the sample time,
             ``record`` and its ``date``. Only letters, digits and usual punctuation marks of the texts are kept.
+
         Returns
         -------
         str

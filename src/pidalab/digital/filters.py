@@ -10,8 +10,8 @@ along a chain of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference of the last states. Lags with different time constants also form one chain, as those of a
-filtered derivative in series with an output filter. A derivative then also needs gains on differences of lower order.
+which is the j-th difference of the last states. Lags with different time constants also form one chain. An example
+is a filtered derivative in series with an output filter. A derivative then also needs gains on lower differences.
 All this applies to the methods *backward* and *tustin*, which substitute an expression for s. The method *zoh* is exact
 for a held input. It uses the same differences with other gains.
 
@@ -129,10 +129,10 @@ def filter_chains(
 ) -> tuple[FilterChain, ...]:
     """Discretise the parts of a controller in series with an output filter of equal lags.
 
-    `behind` holds the time constant and the number of these lags. The weight of the set point is 1 in the integral, b
-    in the proportional part and c in the derivatives.
+    `behind` contains the time constant and the number of these lags. The weight of the set point is 1 in the integral,
+    b in the proportional part and c in the derivatives.
     """
-    _require_useful("filter behind the controller", *behind, h, method)
+    _require_useful("filter after the controller", *behind, h, method)
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
         _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
@@ -182,7 +182,7 @@ def _lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
 def _by_weight(
     part: FilteredGains, filtered: bool, b: float, c: float
 ) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Split gains by the weight of the set point in their input. Return a single entry if all weights are 1."""
+    """Group gains by set-point weight. Return a single group if all weights are 1."""
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]

@@ -205,7 +205,7 @@ def check(
         raise ValueError(
             f"controller must have gains of the sign of the plant's, found kp = {gains.kp:.4g} for a plant of gain "
             f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
-            "the plant: log u behind the limits of the actuator, and move the set point"
+            "the plant: log u after the limits of the actuator, and move the set point"
         )
     share, better = explained_by(controller, output_filter, log)
     if share < EXPLAINED:

@@ -8,7 +8,7 @@ from typing import Any
 DOUBTS = {
     # doubts about a record
     "missing": "{count} of {total} samples had a missing value and were left out",
-    "same time": "{count} sample(s) had the time of another one and were averaged",
+    "same time": "{count} sample(s) had the same time as another sample and were averaged",
     "counter": "the time restarts {count} time(s), at {counter:.6g}, and was continued",
     "newest first": "the newest sample came first: the order was reversed",
     "not in order": "the times were not in order, first at {where}, and were sorted",
@@ -17,16 +17,16 @@ DOUBTS = {
     "few before": "only {count} sample(s) before the input changes: the state of rest is uncertain",
     "drifting": "the output drifts by {drift:.3g} before the step: it was not at rest",
     "levels": "the output has only {count} levels, {apart:.3g} apart",
-    "gaps": "{count} gap(s); the longest, {longest:.3g}, from {start:.4g}",
+    "gaps": "{count} gap(s); the longest lasts {longest:.3g} and begins at {start:.4g}",
     "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the step is placed in "
-    "the middle; a fit uses the input as it is",
+    "the middle; a fit uses the recorded input",
     "at an end": "the input stays at {end:.6g}, its {word} value, for {count} samples: if that is a limit of the "
-    "actuator, the record may hold the request and not what reached the plant",
+    "actuator, the record may contain the requested input instead of the one that reached the plant",
     "no step": "the input does not step between lasting levels: {experiment}",
     "moving at the end": "the output still moves at the end: an integrator, or a record that is too short",
     # doubts about a model
-    "model error": "the model error is {error:.3g}, {share:.2g} % of the movement of the output, beside a noise of "
-    "{noise:.3g}: the plant has another shape, or something else moved it",
+    "model error": "the model error is {error:.3g}, {share:.2g} % of the movement of the output, and the noise is "
+    "{noise:.3g}: the plant has other dynamics than the model, or something else moved it",
     "initial state": "the record does not begin at rest: an initial state was fitted as well",
     "hold-out": "the hold-out data are predicted worse than the other data are fitted: NRMSE {holdout:.2f}",
     "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties are {times:.2g} times "
@@ -36,8 +36,8 @@ DOUBTS = {
     "the record's unit of time?",
     "short delay": "the dead time of {delay:.3g} is left out: at the frequencies of this loop it turns the phase by "
     "less than {phase:g} rad",
-    "few poles": "the model has {known} pole(s), and a {kind} acts on unknown dynamics beyond them: fit a model of "
-    "higher order, or take a lower kind",
+    "few poles": "the model has {known} pole(s), and a {kind} also acts on faster dynamics, which are unknown: fit a "
+    "model of higher order, or choose a controller with fewer derivatives",
     "fast filter": "the filter is as fast as the sample time of {sample_time:g} allows: faster sampling would make it "
     "faster",
     "noise unused": "the rule {rule!r} ignores noise: noise_gain was not used",
@@ -46,17 +46,17 @@ DOUBTS = {
     "long sample": "the sample time of {sample_time:g} is long for this loop: at the crossover the phase turns by "
     "{turn:.2g} rad in a sample; {better:.2g} or less would be better",
     "filter lost": "the controller has a filter of {filter_time:.3g}, faster than the sample time of {sample_time:g}: "
-    "the code hardly filters",
+    "the code hardly filters the noise",
     "no limits": "{options} not given: the code does not know the limits of the actuator, and may wind up",
     # doubts about a relay experiment
     "relay phase": "the plant's phase at this period is {phase:.0f} degrees, not -180: the relay has hysteresis or a "
-    "bias; the gain holds at this period, and the true ultimate period is another one",
+    "bias; the gain applies at this period, and the true ultimate period differs from it",
     # doubts about a check
     "log's sample time": "the controller is assumed to have the sample time of the log, {sample_time:.4g}",
-    "unstable": "the loop with the model is unstable: if the log shows this loop, other gains ran, or other units",
-    "other gains": "the given gains could not have made the log's u from its y: they explain {share:.0f} % of its "
-    "movement between samples{better}",
-    "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, through the controller, "
+    "unstable": "the loop with the model is unstable: the controller of the log must have had other gains or units",
+    "other gains": "the given gains did not compute the log's u from its y: they explain {share:.0f} % of the movement "
+    "of u between samples{better}",
+    "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, since they are fed back, "
     "and pull the model towards -1/C: Ms may lie outside its interval; a larger change of the set point would help",
 }
 

@@ -47,7 +47,6 @@ class Oscillation(NamedTuple):
         Share of the time that u spends at its upper level. It is 0.5 without bias.
     cycles : int
         Number of measured cycles.
-        Cycles measured.
     """
 
     ku: float

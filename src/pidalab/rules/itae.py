@@ -58,7 +58,7 @@ def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
     alpha_d : float, optional
         Filter time constant as a share of the derivative time, above 0.
 
@@ -96,7 +96,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
     alpha_d : float, optional
         Filter time constant as a share of the derivative time, above 0.
 
@@ -120,7 +120,7 @@ def factors(model: Process) -> Factors:
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
 
     Returns
     -------
@@ -161,7 +161,7 @@ def pida_setpoint(
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
     alpha_d, alpha_a : float, optional
         Filter time constants as shares of the derivative and acceleration time, above 0.
     factors : tuple of float, optional
@@ -203,11 +203,11 @@ def pida_load(
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
     alpha_d, alpha_a : float, optional
-        Filter time constants as shares of the derivative and acceleration time, above 0.
+        As for `pida_setpoint`.
     factors : tuple of float, optional
-        Factors f_d and f_a. By default those of Table 1, as the function `factors` computes them.
+        As for `pida_setpoint`.
 
     Returns
     -------
@@ -217,8 +217,7 @@ def pida_load(
     Raises
     ------
     TypeError, ValueError
-        If the factors are not two numbers, or f_a is below 0. Also if f_d leaves no dead time, no time constant, or a
-        ratio for which the table gives a value that is not positive.
+        As for `pida_setpoint`.
 
     Examples
     --------
@@ -293,7 +292,7 @@ def setpoint_factors(model: Process) -> Factors:
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
 
     Returns
     -------
@@ -333,7 +332,7 @@ def load_factors(model: Process) -> Factors:
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
 
     Returns
     -------

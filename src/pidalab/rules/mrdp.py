@@ -114,8 +114,8 @@ def filter_ratio(m: int, n: int) -> float:
     r"""Compute the filter time constant, divided by the equivalent dead time, T_f / T_e: eq. (11) and Table II.
 
     The filter and the dead time T_e are equivalent if, with a pure integrator, they put the dominant pole of the loop
-    at the same place. For n = m the loop with the filter has no such pole. The condition then leaves a constant, and
-    eq. (9) gives -1/T_f, the pole of the filter. The rule uses this pole.
+    at the same place. For n = m the loop with the filter has no such pole. Eq. (9) then gives -1/T_f, the pole of
+    the filter, and the rule uses this pole.
 
     Parameters
     ----------

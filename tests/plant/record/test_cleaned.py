@@ -72,7 +72,7 @@ def test_samples_of_the_same_time():
     assert (record.y[29], record.y[30], record.y[31]) == (13.0, pytest.approx((13.0 + 1.0 + 6.0) / 3), 13.0)
     assert record.doubts[:2] == (
         "the times were not in order, first at sample 40, and were sorted",
-        "2 sample(s) had the time of another one and were averaged",
+        "2 sample(s) had the same time as another sample and were averaged",
     )
 
 
@@ -156,7 +156,7 @@ def test_doubts_of_levels_and_gaps():
     y = np.where(t < 12.5, 0.0, 4.0)
     assert Record(t, u, y).doubts == (
         "the output has only 2 levels, 4 apart",
-        "2 gap(s); the longest, 4, from 30",
+        "2 gap(s); the longest lasts 4 and begins at 30",
     )
 
 

@@ -105,7 +105,7 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
             return name
     raise ValueError(
         "name must be an identifier of small letters, digits and single underscores that begins with a letter, has at "
-        f"most {LONGEST_NAME} characters and is no word of a language, a library or this code, found {name!r:.60}"
+        f"most {LONGEST_NAME} characters and is not a word of a language, a library or this code, found {name!r:.60}"
     )
 
 

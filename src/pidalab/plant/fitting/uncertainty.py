@@ -47,15 +47,15 @@ def drifts(data: FitData) -> bool:
     return left > 0 and gained * data.t.size < float(chdtri(5, CHANCE)) * samples_per_error(both) * left
 
 
-def unsettled(data: FitData, found: FitResult) -> str:
+def unsettled(data: FitData, result: FitResult) -> str:
     """Return why a model is not identifiable and which experiment would help, or an empty text if it is."""
-    shape, values, J = found.shape, found.values, found.jacobian
+    shape, values, J = result.shape, result.values, result.jacobian
     if values[0] == 0 or not np.all(np.isfinite(values)):
         return "the output does not answer to the input: no gain can be found"
     answer = float(np.ptp(J[:, 0] * values[0]))
-    if answer < 3 * found.deviation:
+    if answer < 3 * result.deviation:
         return (
-            f"the output answers by {answer:.3g}, not clearly above the residuals of {found.deviation:.3g}: the step "
+            f"the output answers by {answer:.3g}, not clearly above the residuals of {result.deviation:.3g}: the step "
             "is too small against the noise, or something else moved the output; make a larger step, from rest"
         )
     # Scale the sensitivities by the change that each parameter causes.
@@ -65,7 +65,7 @@ def unsettled(data: FitData, found: FitResult) -> str:
             f"the input tells too little to fit {shape.name}: its parameters cannot be told apart (in closed loop, "
             "move the set point more; in open loop, step the input)"
         )
-    sigma = np.sqrt(np.diag(covariance(found)))
+    sigma = np.sqrt(np.diag(covariance(result)))
     if abs(values[0]) < SURE * sigma[0]:
         return (
             f"the record does not settle the sign of the gain: {values[0]:.3g} ± {sigma[0]:.2g}; let the plant come to "
@@ -80,22 +80,22 @@ def unsettled(data: FitData, found: FitResult) -> str:
     return ""
 
 
-def unexplained(data: FitData, found: FitResult) -> str:
+def unexplained(data: FitData, result: FitResult) -> str:
     """Return why a model explains too little of the output, or an empty text if it explains enough."""
-    share = 1.0 - found.cost / float(np.sum((data.y - data.y.mean()) ** 2))
+    share = 1.0 - result.cost / float(np.sum((data.y - data.y.mean()) ** 2))
     if share >= EXPLAINED:
         return ""
     return (
-        f"{found.shape.name} explains {100 * share:.0f} % of the variance of the output (NRMSE "
+        f"{result.shape.name} explains {100 * share:.0f} % of the variance of the output (NRMSE "
         f"{1 - np.sqrt(1 - share):.2f}), and a model has to explain {100 * EXPLAINED:.0f} %: something else moved the "
         "output, or the samples are too far apart; make a larger step, from rest, with several samples while the "
         "output answers"
     )
 
 
-def covariance(found: FitResult) -> Array:
+def covariance(result: FitResult) -> Array:
     """Return the covariance of the parameters for white residuals, times the number of samples that share an error."""
-    r, J = found.residuals, found.jacobian
+    r, J = result.residuals, result.jacobian
     freedom = max(1, r.size - J.shape[1])
     variance = float(r @ r) / freedom
     if variance == 0.0:
@@ -110,7 +110,7 @@ def rough(x: Array) -> Array:
     return np.asarray(x - median_filter(x, 9, mode="mirror"), dtype=float)
 
 
-def closed_loop_factor(record: Record, found: FitResult) -> float:
+def closed_loop_factor(record: Record, result: FitResult) -> float:
     """Return the factor by which the uncertainties grow in closed loop. It is 1 in open loop.
 
     Notes
@@ -126,18 +126,18 @@ def closed_loop_factor(record: Record, found: FitResult) -> float:
     by_hand = record.experiment not in (FOLLOWER, MANY_LEVELS, MOVING)
     if by_hand or max(_agreement(du, dy), _agreement(du[1:], dy[:-1])) < FED_BACK:
         return 1.0
-    return CLOSED_LOOP if samples_per_error(found.residuals) > COLOURED else CLOSED_LOOP_WHITE
+    return CLOSED_LOOP if samples_per_error(result.residuals) > COLOURED else CLOSED_LOOP_WHITE
 
 
-def runs_away(record: Record, data: FitData, found: FitResult) -> str:
+def runs_away(record: Record, data: FitData, result: FitResult) -> str:
     """Return why a model contradicts the feedback that the record shows, or an empty text if it does not.
 
     In closed loop the controller reacts to disturbances. Then u and the residuals change at the same samples, with
     opposite signs if the gain of the plant is positive. In open loop their signs agree only by chance.
     """
-    left = _residuals(record, data, found)
+    left = _residuals(record, data, result)
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(left)))
-    both, gain = int(np.count_nonzero(du * dy)), found.values[0]
+    both, gain = int(np.count_nonzero(du * dy)), result.values[0]
     agreement = float(du @ dy) / (both or 1)
     chance = both * agreement**2 < float(chdtri(1, CHANCE)) or abs(agreement) < OPPOSED
     if chance or agreement * gain < 0:
@@ -145,7 +145,7 @@ def runs_away(record: Record, data: FitData, found: FitResult) -> str:
     return (
         f"u answers to y in this record, as in a closed loop, and with the fitted gain of {gain:.3g} that loop would "
         "run away: the u of the record is not what reached the plant, or something else moved the output; log u "
-        "behind the limits of the actuator, or step it by hand"
+        "after the limits of the actuator, or step it by hand"
     )
 
 
@@ -164,12 +164,12 @@ def samples_per_error(r: Array) -> float:
     return 1.0 + 2.0 * float(correlation[1:end].sum())
 
 
-def noise_of(record: Record, data: FitData, found: FitResult) -> float:
+def noise_of(record: Record, data: FitData, result: FitResult) -> float:
     """Return the larger of two estimates: the noise at rest, and the changes of the residuals between samples."""
-    changes = np.diff(_residuals(record, data, found), 2)
+    changes = np.diff(_residuals(record, data, result), 2)
     return max(record.noise.deviation, float(np.sqrt(np.mean(changes**2) / 6)))
 
 
-def _residuals(record: Record, data: FitData, found: FitResult) -> Array:
+def _residuals(record: Record, data: FitData, result: FitResult) -> Array:
     """Return the residuals at all samples of the record."""
-    return np.asarray(record.y - np.interp(record.t, data.t, data.y - found.residuals), dtype=float)
+    return np.asarray(record.y - np.interp(record.t, data.t, data.y - result.residuals), dtype=float)

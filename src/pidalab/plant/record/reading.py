@@ -73,11 +73,11 @@ def read_columns(
     path : pathlib.Path
         The file in UTF-8 or UTF-16, with or without a byte order mark, or in Latin-1.
     wanted : mapping of str to str, int or None
-        For each role, "time", "u" or "y", the name of its column in the header or the number of its column from 0. For
-        None, the column with the name of the role is used, or else the usual place. If the file has further columns, a
-        doubt is given. Times may be dates.
+        The keys are the roles "time", "u" and "y". Each value is the name of a column in the header, or its number from
+        0. If the value is None, the column named like the role is used, or else a default column. A doubt is then given
+        if the file has further columns. Times may be dates.
     delimiter : str or None
-        Text between the columns. A longer text than one character is a regular expression. None detects it.
+        Text between the columns. A text of several characters is a regular expression. If None, it is detected.
     skip : int
         Number of lines to skip at the beginning.
 
@@ -327,7 +327,7 @@ def _stamps(
     """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
 
     Several formats are tried. The format that reads the most entries is used. If several formats read as many, the
-    format with the smallest span of time is used. So a record past midnight shows which of two numbers is the day.
+    format with the smallest span of time is used. So a record that runs past midnight reveals which number is the day.
     """
     import pandas as pd
 
