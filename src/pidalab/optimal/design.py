@@ -34,16 +34,17 @@ from pidalab.rules import Design
 from pidalab.simulation.exact import load_response, simulate_until_settled
 
 HIGHEST_ORDER = 4  # highest order of a controller
-ACTIVE = 1e-3  # a limit is active if the relative distance from it is smaller
-NEGLIGIBLE_ACTION = 1e-6  # smaller actions are dropped, relative to the largest at the filter's corner
-UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # units of time, since a limit of noise may make a loop slow
-SLOWEST_SAMPLING = 100.0  # largest sample time, in units of the shortest unit of time
-# If the IAE of the search and the simulated IAE differ by more than this share, the unit of time is too short.
+ACTIVE = 1e-3  # a limit is active if the relative distance to it is smaller
+NEGLIGIBLE_ACTION = 1e-6  # an action that is smaller, divided by the largest action, is dropped
+UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; a limit on noise may make a loop slow
+SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of time
+# If the IAE of the search differs from the simulated IAE by more than this relative amount, the unit of time is too
+# short.
 SAME_IAE = 0.02
-VALLEY_REACH = 2.0  # local optima are reported up to this multiple of the least value
-BEST = 3  # number of searches that are refined
-SAME_END = 1e-4  # two descents may have the same end if their values differ by a smaller share
-# Standard deviations of the logarithms of gains and of the filter time, for each random start of the last descents.
+VALLEY_REACH = 2.0  # local optima with a value up to this multiple of the best value are reported
+BEST = 3  # number of descents whose ends are refined
+SAME_END = 1e-4  # two descents may have the same end if the relative difference of their values is smaller
+# Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
 
@@ -51,7 +52,8 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # the least value, then other local optima up to VALLEY_REACH times the least, in the problem's unit of time
+    # values of local optima up to VALLEY_REACH times the least value, which comes first, in units of time of the
+    # problem
     valleys: tuple[float, ...]
 
 
@@ -74,61 +76,65 @@ def load(
     Parameters
     ----------
     process : Process
-        The plant with its exact dead time. If the plant is unstable, a PI controller must be able to stabilise it.
+        The plant, with exact dead time. An unstable plant must be stabilisable.
     order : int
         Highest derivative m. 0 is PI, 1 is PID, 2 is PIDA, and at most 4 is allowed. The filter has order m + 1.
     ms : float, optional
         Largest allowed maximum sensitivity, above 1.
     mks : float, optional
-        Largest allowed gain from measurement noise to control signal over all frequencies, in units of u per unit
+        Largest allowed gain from measurement noise to control signal, over all frequencies, in units of u per unit
         of y. By default there is no limit.
     mt : float, optional
         Largest allowed maximum of \|T\|, above 1. By default there is no limit.
     disk : float, optional
-        Smallest allowed disk margin as defined in `pidalab.margins`, between 0 and 2. By default there is no limit. The
-        circle of the disk margin 2/(2M - 1) encloses those of Ms = M and Mt = M.
+        Smallest allowed disk margin of `pidalab.margins`, between 0 and 2. By default there is no limit. The circle of
+        the disk margin 2/(2M - 1) encloses the circles of Ms = M and Mt = M.
     noise_gain : float, optional
         Largest allowed `pidalab.noise_gain`, in units of u per unit of y. By default there is no limit.
     sample_time : float, optional
-        Sample time of the noise, only with `noise_gain`. By default that of `pidalab.noise_scale`, a hundredth of the
-        ultimate period. To limit the relative noise gain, multiply the limit by the ``gain`` of the scale. The filter
-        time is at least the sample time. If this limits the filter time, ``active`` contains "sample_time".
+        Sample time of the noise, only with `noise_gain`. By default the sample time of `pidalab.noise_scale`, which is
+        a hundredth of the ultimate period. To limit the relative noise gain, multiply its limit by the ``gain`` of this
+        scale. The filter time is at least the sample time. If the filter time equals the sample time, ``active``
+        contains "sample_time".
     family : sequence of Process, optional
-        Other plants that must keep `ms_worst`, with gains of the same sign. The IAE is still that of the process.
+        Other plants, with gains of the same sign, whose loops must keep `ms_worst`. The IAE is that of `process`.
     ms_worst : float, optional
         Largest allowed maximum sensitivity with each plant of the family, above 1.
     start : Design, optional
-        A design of this function for the same process and order. The search continues from this design instead of many
-        starts.
+        A design of this function for the same process and order. The search then continues from this design, instead of
+        from many starts.
 
     Returns
     -------
     Design
-        Design with a `HighOrderPID`, whose gains are negative if the process has negative gain. `info` contains
-        ``iae``, ``ms`` and ``mks``; ``noise_gain``, ``mt``, ``disk`` and ``ms_worst`` if they were limited; ``active``,
-        the names of the limits that are reached; ``edge``, the variables at the edge of the search; ``valleys``, the
-        IAE of different local optima; and ``digits``, the number of digits of gains, filter time and IAE that are the
-        same on every processor. Without a limit of noise ``edge`` contains the filter time, for which shorter is
-        better. ``valleys`` begins with the IAE of the design. The others are up to twice as large and accurate to two
-        digits. With `start` only the first is given.
+        Design with a `HighOrderPID`, whose gains are negative for a process with negative gain. Its `info` contains
+
+        - ``iae``, ``ms`` and ``mks``;
+        - ``noise_gain``, ``mt``, ``disk`` and ``ms_worst``, if they were limited;
+        - ``active``, the names of the active limits;
+        - ``edge``, the variables at the edge of the search. Without a limit on noise this is the filter time: a shorter
+          filter time would be better;
+        - ``valleys``, the IAE of different local optima. The first is the IAE of the design. The others are at most
+          twice as large, are given to two digits, and are missing with `start`;
+        - ``digits``, the number of digits of gains, filter time and IAE that are the same on every processor.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is out of range, if limits contradict each other or the process, or if no controller of this
-        order was found that keeps the limits with the process and the family. (With integral action \|C S\| is
-        1/\|P(0)\| at zero frequency for any controller.)
+        If arguments are out of range, or if no controller of this order was found that keeps the limits with the
+        process and with the whole family. The limits must not contradict each other or the process: for any controller
+        with integral action, \|C S\| is 1/\|P(0)\| at zero frequency.
 
     Notes
     -----
-    The search is deterministic and has many starts, but it does not prove a global optimum. Its end satisfies the
-    conditions of a local optimum: the active limits are met with equality, and the Lagrangian is stationary. If a
-    family is given, the search continues from the optimum of the process alone. It adds the worst plants until all
-    plants keep their limit.
+    The search is deterministic and has many starts, but it does not prove a global optimum. Its result satisfies the
+    conditions of a local optimum: the active limits hold as equations, and the Lagrangian is stationary. With a family,
+    the search continues from the optimum for the process alone, and adds the worst plants until all plants keep
+    `ms_worst`.
 
     Examples
     --------
-    Acceleration is worthwhile if noise permits it:
+    Acceleration pays if noise permits it:
 
     >>> import pidalab
     >>> process = pidalab.lags(3, delay=1.0)
@@ -136,7 +142,7 @@ def load(
     >>> print(f"{pid.iae:.2f} {pida.iae:.2f} {pida.active}")
     3.41 2.65 ('ms', 'mks')
 
-    Robustness to a longer dead time than expected has a price:
+    To tolerate a longer dead time costs a part of this improvement:
 
     >>> late = pidalab.lags(3, delay=1.5)
     >>> safe = pidalab.optimal.load(process, 2, ms=1.4, mks=20.0, family=[late], ms_worst=1.6, start=pida)
@@ -153,7 +159,7 @@ def load(
 def least_iae(
     process: Process, order: int, requirements: Requirements, start: Design | None = None
 ) -> Design:
-    """Return the controller with the least IAE for a load step, as `load` does, for requirements in one record.
+    """Return the controller with the least IAE for a load step, as `load`, for requirements in a `Requirements`.
 
     Parameters
     ----------
@@ -210,13 +216,14 @@ def least_iae(
 def _best(
     process: Process, order: int, limits: Requirements, searches: list[Search], start_design: Design | None
 ) -> Design | None:
-    """Return the best design over several units of time. If no candidate keeps the limits, approach them first.
+    """Return the best design over several units of time. If no candidate keeps the limits, approach the limits first.
 
     Notes
     -----
-    Each kind of start is tried in increasing units of time, until the IAE of the search agrees with the simulated IAE
-    to `SAME_IAE`. `best` is the best design so far. The family is considered only after a search without it, since its
-    limits are rarely reached.
+    The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that approach the
+    limits. Each kind is tried with increasing units of time, until the IAE of the search agrees with the simulated IAE
+    to `SAME_IAE`. `best` is the best design so far. The family is considered only after a search without the family,
+    since its limits are rarely reached.
     """
     import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
@@ -232,14 +239,15 @@ def _best(
             f"sample_time must be at most {SLOWEST_SAMPLING * shortest:.4g} for this process, "
             f"found {limits.sample_time:g}"
         )
-    # With such small matrices, other threads would make the search up to ten times slower.
+    # With such small matrices, several threads would make the search up to ten times slower.
     with (
         threadpool_limits(limits=1, user_api="blas"),
         Progress(desc="optimal", delay=2.0, leave=False, disable=None, unit=" descents") as bar,
     ):
         ways: list[Any] = [*([] if start_design is None else [None]), feasible_starts, approached]
         for start, factor in product(ways, UNITS_TRIED):
-            # If only the family prevents a design, other starts would end at the same controller.
+            # The next kind of start is not needed if there is a design, or if only the family prevents a design: then
+            # other starts would end at the same controller.
             if factor == UNITS_TRIED[0] and (best is not None or any(search.family for search in searches)):
                 break
             search = search_in(positive, order, limits, factor)
@@ -269,7 +277,7 @@ def _best(
 
 
 def _refusal(searches: list[Search]) -> str:
-    """Return a message that names the limits which prevent a design."""
+    """Return the message of the error if no design was found. It names the limits and the nearest controller."""
     first = searches[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
@@ -295,27 +303,27 @@ def _refusal(searches: list[Search]) -> str:
 
 
 def _nearest(search: Search, x: Array) -> str:
-    """Return the limited quantities of the controller that comes closest to the limits."""
+    """Return the limited quantities of a controller, as a part of a message."""
     values = {**_peaks(search.loop(x)), "noise_gain": search.true_noise(x)}
     return ", ".join(f"{name} = {values[name]:.4g}" for name in search.limits.limits())
 
 
 def _peaks(loop: Loop) -> dict[str, float]:
-    """Return all peaks of a loop that may be limited."""
+    """Return all suprema of a loop that may be limited, and the disk margin."""
     suprema = {name: peak(loop)[0] for name, peak in SUPREMA.items()}
     return {**suprema, "disk": 1 / suprema["inverse_disk"]}
 
 
 def upright(process: Process) -> Process:
-    """Return the process with the sign of its gain changed to positive."""
+    """Return the process, with its sign changed if its gain is negative."""
     return process if sign_of_gain(process) > 0 else Process(-process.num, process.den, process.delay)
 
 
 def judge(process: Process, search: Search, result: SearchResult) -> Design:
-    """Convert the result of a search to a design, and evaluate the design on the process itself."""
+    """Convert the result of a search to a design, evaluated with the process itself."""
     problem, limits, x = search.problem, search.limits, result.best.x
     gains, time = problem.controller(x)
-    # Compare the actions at the corner of the filter, to drop negligible ones.
+    # The actions are compared at the corner of the filter, to drop negligible actions.
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
     gains[1:] = np.where(amounts < NEGLIGIBLE_ACTION * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
@@ -339,14 +347,14 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
     info["active"] = (*reached, *none)
     info["edge"] = _edge(search, x)
     info["digits"] = int(-math.log10(max(result.best.step, 1e-9)))
-    # The search has a limited horizon, so scale the values to the simulated IAE of this design.
+    # The search has a limited horizon. So all values are scaled such that the first value is the simulated IAE.
     scale = info["iae"] / result.valleys[0]
     info["valleys"] = (info["iae"], *(scale * value for value in result.valleys[1:]))
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
 
 
 def _edge(search: Search, x: Array) -> tuple[str, ...]:
-    """Return the variables at the edge of the search for which no limit of the user is the reason."""
+    """Return the variables at an edge of the search that is not a limit of the user."""
     index = search.problem.gains
     slowest = search.bounds[index][1]
     edges = ["filter_time"] if x[index] < FASTEST + 1e-3 or x[index] > slowest - 1e-3 else []
@@ -354,7 +362,7 @@ def _edge(search: Search, x: Array) -> tuple[str, ...]:
 
 
 def _iae(loop: Loop, time: float) -> float:
-    """Return the IAE of a unit load step until it has settled."""
+    """Return the IAE of a unit load step, integrated until the response has settled."""
     try:
         return simulate_until_settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:
@@ -365,20 +373,23 @@ def _iae(loop: Loop, time: float) -> float:
 
 
 def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> SearchResult | None:
-    """Find the best unknowns from starts that keep all limits. Return None if no descent keeps them.
+    """Find the best unknowns from starts that keep all limits. Return None if no descent keeps the limits.
 
     Notes
     -----
-    There may be two local optima, a PIDA close to the PID with hardly any acceleration, and a true PIDA with a slower
-    filter. To find both, the filter time is fixed at each value of a grid, and the optimum at one value is the start at
-    the next. `x` is the present optimum, and `on_grid` collects all optima. The grid is passed downwards and upwards.
-    It is then passed downwards without the highest derivative, which finds the first kind. Descents with a free filter
-    time follow from all these optima, and the best are refined. Descents from random starts near the best come last.
+    A PIDA with hardly any acceleration and a true PIDA with a slower filter can both be local optima. The search finds
+    both in four stages:
+
+    1. The filter time is fixed at each value of a grid, and the optimum `x` at one value is the start at the next
+       value. The grid is passed downwards, upwards, and once more downwards without the highest derivative. The last
+       pass finds the optimum with one derivative less. `on_grid` collects all optima.
+    2. Descents with a free filter time (`free`) begin at the optima of the grid and at the other starts.
+    3. The best ends are refined (`finished`).
+    4. Descents from random starts around the best end (`shaken`) check that it is a local optimum.
     """
     first = starts[0]
     x, on_grid = first, []
     down, up = search.filter_times, search.filter_times[::-1]
-    # The last pass, without the highest derivative, leads to the optimum of the next lower order.
     for filter_times, highest in ((down, LARGEST_GAIN), (up, LARGEST_GAIN), (down, 0.0)):
         for time in filter_times:
             value, unknowns, violation = search.descend(
@@ -388,7 +399,6 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
                 x = unknowns
                 on_grid.append((value, unknowns))
             bar.update()
-    # Free the filter time, and refine the best ends.
     free = []
     for start in [*(x for _, x in _distinct(on_grid, len(on_grid))), *starts[1:]]:
         value, unknowns, violation = search.descend(start)
@@ -405,7 +415,6 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
     else:
         return None
     best = min(finished, key=lambda end: end.value)
-    # Descents from random starts near the best end check that it is a local optimum.
     shaken = [search.descend(start) for start in _shaken(search, best.x)]
     kept = [end for end in shaken if end[2] <= NEARLY]
     value, start, _ = min(kept, default=(np.inf, x, 0.0), key=lambda end: end[0])
@@ -417,7 +426,7 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
 
 
 def _shaken(search: Search, x: Array) -> Iterator[Array]:
-    """Yield random starts near a controller whose loops are stable. They are the same in each run."""
+    """Yield random controllers near a given one whose loops are stable. They are the same at each run."""
     rng, count = np.random.default_rng(0), search.problem.gains
     for gains, filter_time in SHAKES:
         start = x.copy()
@@ -430,8 +439,8 @@ def _shaken(search: Search, x: Array) -> Iterator[Array]:
 def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
     """Return the best value, then the least value of each other local optimum.
 
-    A descent checks its limits on a coarse grid and may violate them slightly, so its value may be below the best.
-    Therefore the best represents all ends with values near or below its own.
+    A descent checks its limits on a coarse grid and may violate the limits slightly. Its value may then be below the
+    best value. So the best value represents all ends whose values are near it or below it.
     """
     chosen = [best]
     for value in sorted(others):
@@ -441,7 +450,7 @@ def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
 
 
 def _distinct(on_grid: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
-    """Return the best ends, leaving out those that are the same point."""
+    """Return at most `most` different ends of descents, the least value first."""
     chosen: list[tuple[float, Array]] = []
     for end in sorted(on_grid, key=lambda pair: pair[0]):
         if all(np.max(np.abs(end[1] - other[1])) > 1e-3 for other in chosen):

@@ -1,11 +1,11 @@
-r"""Refinement of an optimum until its optimality conditions hold.
+r"""Refine an optimum until its optimality conditions hold.
 
-A descent stops when its tolerance is met. In a flat valley, rounding decides where that happens. Newton's method
-continues from this point until the optimality conditions hold: the Lagrangian is stationary, and each active limit is
-an equation at the frequency of its peak. Second derivatives are differences of exact first derivatives. Each step
-solves a quadratic programme, in which the multipliers decide which limits are active (Nocedal and Wright, Numerical
-Optimization, 2006, ch. 18). The quadratic programme is solved as a least-distance programme (Lawson and Hanson, Solving
-Least Squares Problems, 1974, ch. 23).
+A descent stops when its tolerance is met. Near a flat minimum, rounding decides where the descent stops. Newton's
+method continues from this point until the optimality conditions hold: the Lagrangian is stationary, and each active
+limit is an equation at the frequency of its peak. Second derivatives are computed as differences of exact first
+derivatives. Each step solves a quadratic programme, whose multipliers decide which limits are active (Nocedal and
+Wright, Numerical Optimization, 2006, ch. 18). The quadratic programme is solved as a least-distance programme (Lawson
+and Hanson, Solving Least Squares Problems, 1974, ch. 23).
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
 MAX_FINISHES = 12  # largest number of rounds; each round adds the worst frequencies of the preceding round
-VALLEY_GAP = 1e-2  # an optimum is dropped if it is worse than a known optimum by more than this share
-UNPOLISHED = 1e-2  # estimated error of an optimum that Newton's method did not refine
-ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by less than this share
-BACK = 0.97  # after a diverged descent, the gains are multiplied by this factor and the descent is repeated
-WORST_PLANTS = 2  # largest number of plants of the family that are added at a time
-# Reduction of gains with a family: factor of each step, largest number of steps, violation at which it ends.
+VALLEY_GAP = 1e-2  # an optimum is dropped if its value exceeds (1 + this) * the value of a known optimum
+UNPOLISHED = 1e-2  # estimated error of an optimum that was not refined by Newton's method
+ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by a smaller relative amount
+BACK = 0.97  # the gains are multiplied by this before a diverged descent is repeated
+WORST_PLANTS = 2  # at most this number of the other plants is added to the active plants in one round
+# With a family of plants, the gains are multiplied by SHRINK at most SHRINKS times, until no limit is violated by more
+# than LARGEST_VIOLATION.
 SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
 # For each quantity that can be limited, a function that returns its supremum over frequency, and the frequency.
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
@@ -40,18 +41,20 @@ SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
 ROOM = 1e-9  # relative allowance for rounding at a limit
-NEAR_LIMIT = 0.05  # a peak becomes a condition if it is less than this share below its limit
+NEAR_LIMIT = 0.05  # a peak becomes a condition if log(height / limit) is above minus this
 FREQUENCY_STEP = 1e-5  # relative step in frequency for the curvature of a peak
 PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
-SPACING, LEAST_SPACING = 1e-4, 1e-6  # largest and least distance of points for second derivatives, scaled
-# The iteration ends after this number of Newton steps, or after a step shorter than `LAST_STEP`. Its result is accepted
-# if the last step is shorter than `LARGEST_LAST_STEP`.
+# Largest and least distance, in scaled variables, of points for second derivatives.
+SPACING, LEAST_SPACING = 1e-4, 1e-6
+# The iteration ends after MOST_NEWTON_STEPS steps, or after a step shorter than LAST_STEP. Its result is accepted if
+# the last step is shorter than LARGEST_LAST_STEP.
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
-SMALL_STEP = 1e-3  # after a smaller step, second derivatives are kept if the steps shrink quickly
-# Trust region: its largest radius, the longest step that counts as near the end, and its smallest radius.
+SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the steps shrink quickly
+# The trust region has a largest and a least radius. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
-LEAST_UNIT = 1e-9  # least unit of a gain
-NOMINAL = len(PEAKS)  # smaller kinds are peaks of the process itself, all others are peaks of other plants
+LEAST_UNIT = 1e-9  # least scale factor of a gain
+# Each peak has a kind (see `Peaks`). Smaller kinds are peaks of the process, the others are peaks of other plants.
+NOMINAL = len(PEAKS)
 
 
 class Polished(NamedTuple):
@@ -64,10 +67,10 @@ class Polished(NamedTuple):
 
 
 class Peaks:
-    """Heights of peaks of the process, and of |S| with other plants, as smooth functions of the unknowns.
+    """Heights of peaks as smooth functions of the unknowns: all limited quantities of the process, |S| of other plants.
 
-    The kinds of peaks are numbers. The first numbers are the places in `PEAKS`, not all of which are limited. Each
-    other plant has a further number for the peaks of its |S|.
+    The kind of a peak is a number. Numbers below `NOMINAL` are indices of `PEAKS`. The next numbers belong to the other
+    plants that are active in the search, one number for the peaks of |S| of each plant.
     """
 
     def __init__(self, search: Search) -> None:
@@ -86,7 +89,7 @@ class Peaks:
         self.others_at_grid = np.array([plant(s) for plant in others]).reshape(-1, s.size)
 
     def log_heights(self, x: Array) -> Array:
-        """Return the logarithms of all heights, divided by their limits, at the frequencies of the grid."""
+        """Return log(height / limit) at the frequencies of the grid, with one row for each kind."""
         s, plant, actions = self.at_grid
         controller = self.problem._controller(x, s, actions)[0]
         L = plant * controller
@@ -98,7 +101,7 @@ class Peaks:
         return np.vstack([heights, others])
 
     def _plant(self, s: Any, kinds: Array) -> tuple[Any, Any]:
-        """Return P(s) and s P'(s)/P(s) of the plant of each peak."""
+        """Return P(s) and s P'(s)/P(s) for each peak, where P is the plant to which the peak belongs."""
         value, turn = np.empty(s.size, dtype=complex), np.empty(s.size, dtype=complex)
         owner = np.where(kinds < NOMINAL, 0, kinds)
         for kind in np.unique(owner):
@@ -119,7 +122,7 @@ class Peaks:
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the second derivative of the log height of each peak by log frequency."""
+        """Return the second derivative of the log height by log frequency, for each peak."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
@@ -146,7 +149,7 @@ class Peaks:
         return np.asarray(np.real(a * by_controller + b * by_plant))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
-        """Return the logarithms of heights divided by their limits, and their derivatives by the unknowns."""
+        """Return log(height / limit) of each peak, and its derivatives by the unknowns."""
         s = 1j * w
         controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
         L = self._plant(s, kinds)[0] * controller
@@ -156,7 +159,7 @@ class Peaks:
 
 
 def _parts(kinds: Array, controller: Array, L: Array) -> Any:
-    """Return numerator / (1 + L) and both weights for each peak. The peaks of other plants are those of |S|."""
+    """Return for each peak the numerator t of its height |t/(1 + L)|, and the weights a and b of `weights`."""
     kind_of_each = (kind if kind < NOMINAL else MS for kind in kinds.tolist())
     each = zip(kind_of_each, controller.tolist(), L.tolist(), strict=True)
     values = [(numerator(kind, c, l), *weights(kind, l)) for kind, c, l in each]
@@ -164,7 +167,7 @@ def _parts(kinds: Array, controller: Array, L: Array) -> Any:
 
 
 class Lagrangian:
-    """IAE and limits as functions of scaled variables, for a search near one point."""
+    """IAE and limits near one point, as functions of scaled variables."""
 
     def __init__(self, search: Search, x: Array) -> None:
         problem, self.search = search.problem, search
@@ -188,7 +191,7 @@ class Lagrangian:
         return math.log(value), lambda: self.scaled.slopes(x, slope() / value)
 
     def margins(self, z: Array, kinds: Array, w: Array, noise: Any) -> tuple[Array, Array]:
-        """Return the slack of each limit on peaks and noise, and the gradients of the slacks."""
+        """Return the slack of each limit on peaks and noise, and the gradient of each slack."""
         x = self.scaled.back(z)
         heights, slopes = self.peaks.rows(x, kinds, w)
         slack, by_x = -heights, -slopes
@@ -205,7 +208,7 @@ class Lagrangian:
         return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def violation(self, z: Array) -> tuple[float, float]:
-        """Return the value and the sum of all violations. Both are infinite if the loop is unstable."""
+        """Return the value and the sum of all violations. Return infinity for both if the loop is unstable."""
         x = self.scaled.back(z)
         if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
             return math.inf, math.inf
@@ -213,7 +216,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian. The peaks' frequencies change with the variables."""
+        """Return the second derivatives of the Lagrangian. Peaks are refined for each point of the differences."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -233,14 +236,18 @@ def polish(search: Search, x: Array) -> Polished | None:
 
     Notes
     -----
-    The state consists of the point z in the scaled variables of a descent, the value at z, and the sum of all
-    violations of limits at z. Each step solves the quadratic programme of sequential quadratic programming (Nocedal and
-    Wright, Numerical Optimization, 2006, ch. 18) within a trust region. Far from the end, a step is accepted only if it
-    does not raise the value plus the penalty times the violations. The penalty is at least twice the largest
-    multiplier. Near the end, a step is accepted if it is less than half as long as the preceding step. So the steps
-    shrink until one is shorter than `LAST_STEP`. Second derivatives are computed again (`stale`) after a long step, and
-    after a step longer than a tenth of the preceding step. They are first computed from the coarse response. After a
-    step longer than 0.3 times the preceding step they are computed from the fine response.
+    The state is the point z in the scaled variables of a descent, and for this point the value (log IAE) and
+    `violation`, the sum of all violations. Each step solves the quadratic programme of sequential quadratic programming
+    (Nocedal and Wright, Numerical Optimization, 2006, ch. 18) within a trust region.
+
+    * Far from the end, a step is accepted only if it does not raise value + penalty * violation. The penalty is at
+      least twice the largest multiplier.
+    * A step is near the end if it is shorter than `LOCAL_STEP` and than half of the preceding step. Such a step is
+      accepted, and the iteration ends when a step is shorter than `LAST_STEP`.
+    * Second derivatives are computed again (`stale`) after a step longer than `SMALL_STEP` or than a tenth of the
+      preceding step.
+    * Second derivatives are computed from the coarse response, until a step is longer than 0.3 times the preceding
+      step. From then on the fine response is used.
     """
     lagrangian = Lagrangian(search, x)
     z = np.clip(lagrangian.scaled(x), lagrangian.low, lagrangian.high)
@@ -268,7 +275,7 @@ def polish(search: Search, x: Array) -> Polished | None:
             length = float(np.max(np.abs(step)))
             penalty = max(penalty, 2 * float(np.max(multipliers[:limits], initial=0.0)))
             there, by = lagrangian.violation(z + step)
-            # A full step may slightly violate a curved limit. So near the end only the length of the step counts.
+            # A full step may violate a curved limit slightly. So near the end only the length of the step counts.
             is_near = length < min(LOCAL_STEP, 0.5 * before) and there < math.inf
             if is_near or there + penalty * by <= value + penalty * violation:
                 break
@@ -294,7 +301,7 @@ FLATTEST = 1e-9  # least curvature in any direction
 
 
 def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
-    """Return the non-negative multipliers of the active limits that fit the gradient best, by least squares."""
+    """Return non-negative multipliers of the active limits, fitted to the gradient by least squares."""
     from scipy.optimize import nnls
 
     multipliers = np.zeros(slack.size)
@@ -307,8 +314,8 @@ def estimate_multipliers(slope: Array, rows: Array, slack: Array) -> Array:
 def convex(hessian: Array, reached: Array) -> Array:
     """Make a matrix of second derivatives positive definite.
 
-    Along the active limits, curvatures are replaced by their absolute values. In the other directions, curvature is
-    added until the whole matrix is positive definite.
+    Curvatures in directions along the active limits are replaced by their absolute values. In the other directions,
+    curvature is added until the whole matrix is positive definite.
     """
     if reached.size:
         _, sizes, turned = np.linalg.svd(reached)
@@ -331,9 +338,10 @@ def convex(hessian: Array, reached: Array) -> Array:
 def solve_qp(
     hessian: Array, slope: Array, rows: Array, slack: Array, trust: float
 ) -> tuple[Array, Array] | None:
-    """Return the step that minimises a quadratic function within limits and trust, and the multipliers of the limits.
+    """Return the step that minimises a quadratic function, and the multipliers of the limits.
 
-    The problem is converted to a least-distance programme (see the top of this module).
+    The step satisfies rows @ step >= -slack, and no element exceeds `trust`. The problem is solved as a least-distance
+    programme [LaH95]_. Return None if it has no solution.
     """
     from scipy.optimize import nnls
 
@@ -362,10 +370,9 @@ def solve_qp(
 
 
 def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished | None:
-    """Refine and verify an optimum.
+    """Refine and verify an optimum: descend, polish, and add frequencies until the limits hold at all frequencies.
 
-    Descend, polish, and add frequencies until the limits hold at all frequencies. Return None if this fails, or if the
-    optimum is already known or is clearly worse than a known optimum.
+    Return None if this fails, if the optimum is already known, or if it is clearly worse than a known optimum.
     """
     for _ in range(MAX_FINISHES):
         value, unknowns, violation = search.descend(x, effort=FINE)
@@ -381,7 +388,7 @@ def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished
         x, end = unknowns, polish(search, unknowns)
         if end is None:
             end = Polished(search.fine(x)[0], x, UNPOLISHED, np.zeros(0))
-        for peak in end.w:  # the following descents use these frequencies
+        for peak in end.w:  # the next descents use these frequencies
             search.look_at(peak, nearly=True)
         if search.sound(end.x) and _keeps(search, end.x, search.true_noise(end.x)):
             if _safe(search, end.x):
@@ -391,7 +398,7 @@ def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished
 
 
 def _safe(search: Search, x: Array) -> bool:
-    """Return True if all plants of the family keep `ms_worst`. If not, add the worst two to the next descents."""
+    """Return True if all plants of the family keep `ms_worst`. Otherwise add the worst plants to the next descents."""
     loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)
@@ -417,7 +424,7 @@ def _shrunk(search: Search, x: Array) -> Array:
 
 
 def _keeps(search: Search, x: Array, noise: float) -> bool:
-    """Return True if all limits hold. If not, add the frequencies at which a limit does not hold."""
+    """Return True if all limits hold. Otherwise add the frequencies at which limits are violated."""
     loop, kept = search.loop(x), True
     for name, most in search.limits.peaks(0.0).items():
         height, frequency = SUPREMA[name](loop)

@@ -1,4 +1,4 @@
-r"""Error and limits for `pidalab.optimal`, as smooth functions of the gains, with gradients.
+r"""Compute the IAE and the slack of limits as smooth functions of the gains, with gradients, for `pidalab.optimal`.
 
 The unknowns are the gains, made dimensionless by the gain and the time scale of the process, and the logarithm of the
 filter time. With :math:`C = c/q`, where q is the filter, closed forms exist at each frequency:
@@ -6,14 +6,14 @@ filter time. With :math:`C = c/q`, where q is the filter, closed forms exist at 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
-A fast Fourier transform computes the responses from their Laplace transforms on a line right of the axis, with exact
-dead time. A second transform computes the whole gradient. The IAE is the exact integral of the error plus twice the
-area on the other side of zero, with straight lines between samples. Its slope is continuous, so Newton's method can
-converge to the minimum.
+A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
+with exact dead time. A second transform gives the whole gradient. The IAE is the exact integral of the error, plus
+twice the area of the error with the opposite sign. This area is computed with straight lines between samples. Its slope
+is continuous, so that Newton's method can converge to the minimum.
 
-The limits at all frequencies are those of \|S\|, \|C S\|, \|T\| and half of \|S - T\|. Each height is the modulus of
-t/(1 + L), where t is 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by their sum. The logarithm
-of the height then changes by :math:`\operatorname{Re}(a c + b p)`, with
+The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
+is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by c + p,
+and the logarithm of the height changes by :math:`\operatorname{Re}(a c + b p)`, with
 
 =================  =========  ==========  =========  =====================
 height             \|S\|      \|C S\|     \|T\|      half of \|S - T\|
@@ -22,7 +22,7 @@ a                  -T         S           S          -2 L/(1 - L²)
 b                  -T         -T          S          -2 L/(1 - L²)
 =================  =========  ==========  =========  =====================
 
-Two slopes have this form: the slope by the gains, for which P is constant, and the slope by the frequency.
+This form gives the slopes by the gains, for which P is constant, and the slope by the frequency.
 """
 
 from __future__ import annotations
@@ -42,24 +42,24 @@ from pidalab.roots import roots
 
 SEARCH_SAMPLES = 2048  # number of samples of a response
 DAMPING = 3.0  # real part of the line of the transform, multiplied by the horizon
-REST = 1e-3  # allowed relative error of the integral by the transform
+REST = 1e-3  # allowed relative error of the integral that the transform gives
 
-GAIN_UNITS = (0.1, 1.0)  # least and largest unit of a gain in a descent
+GAIN_UNITS = (0.1, 1.0)  # least and largest scale factor of a gain in a descent
 BARRIER = 1e9  # value of the objective for an unstable loop
 
 # A line search needs only values, so slopes are functions that are called on request.
 Slope = Callable[[], Array]
-PEAKS = ("ms", "mks", "mt", "inverse_disk")  # half of |S - T| is the inverse of the disk margin
+PEAKS = ("ms", "mks", "mt", "inverse_disk")  # the supremum of |S - T|/2 is the inverse of the disk margin
 MS, MKS, MT, INVERSE_DISK = range(4)  # kinds of heights
 
 
 def numerator(kind: int, controller: Any, L: Any) -> Any:
-    """Return t of the table above, the numerator of a kind of height whose denominator is 1 + L."""
+    """Return the numerator t of a height |t/(1 + L)|."""
     return (1.0, controller, L)[kind] if kind != INVERSE_DISK else 0.5 * (1 - L)
 
 
 def weights(kind: int, L: Any) -> tuple[Any, Any]:
-    """Return a and b of the table above, the weights of changes of ln C and ln P."""
+    """Return the weights a and b of changes of ln C and ln P, from the table above."""
     if kind == INVERSE_DISK:
         both = -2 * L / (1 - L * L)
         return both, both
@@ -69,12 +69,12 @@ def weights(kind: int, L: Any) -> tuple[Any, Any]:
 
 
 def turned(f: Any) -> float:
-    """Return the angle by which a function turns along points that are close enough for the argument principle."""
+    """Return the change of the angle of a function along closely spaced points, for the argument principle."""
     return float(np.angle(f[1:] / f[:-1]).sum())
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Return sorted frequencies, and add those (up to an end) at which a dead time turns the phase by given angles."""
+    """Add the frequencies, up to `end`, at which a dead time turns the phase by the given angles. Return all sorted."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -101,11 +101,11 @@ class Problem:
         self.gains, self.size = order + 2, order + 3
 
     def controller(self, x: Array) -> tuple[Array, float]:
-        """Return gains K_-1 ... K_m and filter time of a vector of unknowns."""
+        """Return the gains K_-1 ... K_m and the filter time of a vector of unknowns."""
         return x[: self.gains] * self.units, self.time * float(np.exp(x[self.gains]))
 
     def unknowns(self, gains: Array, time: float) -> Array:
-        """Return the unknowns for gains K_-1, K_0, ... and a filter time. The last gain may be missing."""
+        """Return the unknowns for gains K_-1, K_0, ... and a filter time. Missing last gains are 0."""
         x = np.zeros(self.size)
         x[: len(gains)] = gains / self.units[: len(gains)]
         x[-1] = np.log(time / self.time)
@@ -116,7 +116,7 @@ class Problem:
         return self.units[:, None] * s ** np.arange(-1.0, self.order + 1)[:, None]
 
     def _filter(self, x: Array, s: Any) -> tuple[Any, Any]:
-        """Return the filter at complex s, and one of its lags."""
+        """Return the filter 1/(1 + T_F s)^(m + 1) at complex s, and 1/(1 + T_F s)."""
         _, tf = self.controller(x)
         # Use products, since numpy computes powers of complex arrays by logarithms.
         filtered = lag = 1 / (1 + tf * s)
@@ -125,16 +125,16 @@ class Problem:
         return filtered, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Return the controller at complex s, and a function of its slopes by the gains and the log filter time."""
+        """Return the controller at complex s, and a function that returns its slopes by gains and log filter time."""
         filtered, lag = self._filter(x, s)
         by_gains = actions * filtered
         controller = x[: self.gains] @ by_gains
         return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
     def iae(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
-        """Return a function that computes the IAE of a step of the load, and a function of its gradient.
+        """Return a function of the unknowns that computes the IAE of a step of the load, with its gradient.
 
-        Beyond the horizon the integral of the error is used.
+        The IAE has the unit of time of the problem. After the horizon, the error is assumed not to change its sign.
         """
         s = DAMPING / horizon + 2j * np.pi / horizon * np.arange(samples // 2 + 1)
         step = horizon / samples
@@ -148,16 +148,16 @@ class Problem:
             filtered, lag = self._filter(x, s)
             controller = (x[: self.gains] @ actions) * filtered
             sensitivity = 1 / (1 + plant * controller)
-            e = disturbed * sensitivity  # the error is -y, but its sign does not matter
+            e = disturbed * sensitivity  # this is y, and the sign does not matter
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # If the integral beyond the horizon has the other sign, the excess is a penalty for the design.
+            # An integral of the error beyond the horizon that has the opposite sign is penalised.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
-                # By Parseval's theorem, the integral of weight times slope over time is an integral over frequency, for
-                # which a single transform is enough.
+                # By Parseval's theorem, the integral of weight * slope over time is an integral over frequency. So a
+                # single transform suffices.
                 weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
@@ -172,8 +172,8 @@ class Problem:
     def _characteristic(self) -> None:
         r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` on the axis, for a process b/a of order n.
 
-        The zeros of f are the poles of the loop, and the poles of f are stable. So f turns by -pi along the axis for
-        each unstable pole of the loop.
+        The zeros of f are the poles of the loop, and the poles of f are stable. So along the axis, the angle of f
+        changes by -pi for each unstable pole of the loop.
         """
         process, sigma = self.process, 1 / self.time
         speeds = np.abs(roots(process.den)) * self.time
@@ -183,20 +183,20 @@ class Problem:
         self.axis = s = 1j * around / self.time
         scale = (s + sigma) ** -len(process.den)
         self.own = s * np.polyval(process.den, s) * scale
-        # With the factor s of the function the actions are K_-1 + K_0 s + ...
+        # With the factor s of f, the actions are K_-1 + K_0 s + ...
         fed_back = np.polyval(process.num, s) * np.exp(-s * process.delay) * scale
         self.fed_back = fed_back * self.units[:, None] * s ** np.arange(self.order + 2.0)[:, None]
 
     def unstable(self, x: Array) -> bool:
-        """Return True if the characteristic function turns along the axis as that of an unstable loop."""
+        """Return True if the loop is unstable, judged from the characteristic function on a grid of frequencies."""
         f = self.own + (x[: self.gains] @ self.fed_back) * self._filter(x, self.axis)[0]
         return abs(turned(np.append(f, self.process.den[0]))) > 0.5 * np.pi
 
     def slack(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
-        """Return the function of the slack of limits at frequencies w, and of its gradient.
+        """Return a function of the unknowns that computes the slack of limits at frequencies w, with its gradient.
 
-        The limits are those of `PEAKS`, by name. Another process may replace that of the problem. Let r be the square
-        of a height divided by its limit. The slack is 1/r - 1 for |S|, and (1 - r)/(1 + r) for the other heights.
+        `most` contains limits of `PEAKS` by name. Another process may replace the process of the problem. With
+        r = (height / limit)^2, the slack is 1/r - 1 for |S|, and (1 - r)/(1 + r) for the other heights.
         """
         s = 1j * w
         plant, actions = (process or self.process)(s), self._actions(s)
@@ -224,11 +224,14 @@ class Problem:
 
 
 def _other_side(error: Array) -> tuple[float, Array]:
-    """Return the sum over all steps of the mean negative part of straight lines, and its slope by the samples."""
+    """Return the area of the negative part of an error, divided by the time step, and its slope by the samples.
+
+    The error is a straight line between samples.
+    """
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
-    # `share` is the part of the step in which the line is below zero.
+    # `share` is the part of each step in which the line is below zero. It is 1 if both ends are negative.
     share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
     below = np.minimum(high, 0.0)
     by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
@@ -239,7 +242,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
 
 
 class CachedValueAndSlope:
-    """Function that returns a value and a function of its slope. The results at the last point are cached."""
+    """Cache for a function that returns a value and a function of its slope. The last point is cached."""
 
     def __init__(self, both: Any) -> None:
         self.both, self.place = both, b""
@@ -259,7 +262,7 @@ class CachedValueAndSlope:
 
 
 class Scaled:
-    """Scaling of a descent: logarithm of the integral gain, and other gains divided by their values at the start."""
+    """Scaling of the unknowns: the logarithm of the integral gain, and other gains divided by about their starts."""
 
     def __init__(self, start: Array, gains: int) -> None:
         self.unit = np.ones(start.size)
@@ -304,20 +307,20 @@ class SampledNoise:
     problem : Problem
         Problem that defines the unknowns.
     sample_time : float
-        Sample time of controller and noise. No filter time may be shorter.
+        Sample time of controller and noise. The filter time must not be shorter.
     density : int, optional
-        Factor of the number of frequencies. 1 gives four digits.
+        Factor of the number of frequencies. With 1 the result has four digits.
 
     Notes
     -----
-    The controller is discretised for held inputs, as in `pidalab.noise_gain`. It is a sum of lags after a hold. Their
-    sampled responses satisfy a recursion with :math:`a = e^{-\rho}` and :math:`\rho = h/T_F`,
+    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered actions, and their slopes by
+    the filter time, are sums of the lags :math:`1/(1 + T_F s)^i`. With :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`,
+    the transfer functions :math:`X_i` of these lags after a hold satisfy the recursion
 
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
 
-    where :math:`X_i` belongs to :math:`1/(1 + T_F s)^i` and P is the incomplete gamma function. Every filtered action,
-    and its slope by the filter time, is a sum of these responses. By Parseval's theorem the variance of u is the mean
-    of :math:`|C/(1 + G C)|^2` over the unit circle. The dead time is exact.
+    where P is the regularised lower incomplete gamma function. By Parseval's theorem, the variance of u is the mean of
+    :math:`|C/(1 + G C)|^2` over the unit circle. The dead time is exact.
     """
 
     def __init__(self, problem: Problem, sample_time: float, density: int = 1) -> None:
@@ -335,7 +338,7 @@ class SampledNoise:
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
 
     def __call__(self, x: Array) -> tuple[float, Slope]:
-        """Return the variance at a vector of unknowns, and the function of its gradient."""
+        """Return the variance at a vector of unknowns, and a function that returns its gradient."""
         controller, controller_slopes = self._controller(x)
         sensitivity = 1 / (1 + self.plant * controller)
         u = controller * sensitivity
@@ -349,19 +352,22 @@ class SampledNoise:
         return float(np.abs(u) ** 2 @ self.weight), slope
 
     def gain(self, x: Array) -> float:
-        """Return the noise gain. It is infinite if the sampled loop is unstable."""
+        """Return the noise gain, or infinity if the sampled loop is unstable."""
         return math.inf if self.unstable(x) else math.sqrt(self(x)[0])
 
     def unstable(self, x: Array) -> bool:
-        """Return True if 1 + L, with unstable poles of L moved inside the circle, turns as in an unstable loop."""
+        """Return True if the sampled loop is unstable, by the argument principle for 1 + L.
+
+        In 1 + L, the unstable poles of L are moved inside the circle.
+        """
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
         # The function is real at both ends.
         return abs(turned(np.append(f[0].real, f))) > 0.5 * np.pi
 
     def _expand(self) -> None:
-        """Expand the filtered actions, T^k s^k/(1 + T s)^n, and their slopes by log T, in lags.
+        """Expand the filtered actions, T^k s^k/(1 + T s)^n, and their slopes by log T, as sums of lags.
 
-        Since :math:`Ts = (1 + Ts) - 1`, they are sums of lags with the coefficients of :math:`(1 - 1/(1 + Ts))^k`.
+        Since :math:`Ts = (1 + Ts) - 1`, the coefficients of the lags are those of :math:`(1 - 1/(1 + Ts))^k`.
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
@@ -374,7 +380,7 @@ class SampledNoise:
                 self.by_time[k + 1, n - k + j] = -n * math.comb(k + 1, j) * (-1) ** j
 
     def _controller(self, x: Array) -> tuple[Array, Callable[[], Array]]:
-        """Return the sampled controller at the frequencies, and parts of its slopes by gains and log filter time."""
+        """Return the sampled controller at the frequencies, and a function that returns its slopes."""
         n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
         powers = time ** np.arange(1.0, -n, -1.0)
         lags = self._lags(time, n + 1).view(float)  # products with pairs of real numbers are faster
@@ -392,7 +398,7 @@ class SampledNoise:
         return controller, slopes
 
     def _lags(self, time: float, most: int) -> Array:
-        """Return the sampled responses of 0, 1, ..., most equal lags after a hold."""
+        """Return the transfer functions of 0, 1, ..., most equal lags after a hold."""
         from scipy.special import gammainc
 
         rho = self.h / time
@@ -408,7 +414,10 @@ class SampledNoise:
 
 
 def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
-    """Return frequencies up to half the sampling frequency: by decades, evenly, and for turns of the dead time."""
+    """Return frequencies up to half the sampling frequency.
+
+    They are spaced logarithmically and evenly, and are dense enough to follow the phase of the dead time.
+    """
     top = np.pi / h
     lowest = min(1e-4 / time, 1e-3 / h)
     w = np.append(np.geomspace(lowest, top, 400 * density), np.linspace(0.01 * top, top, 250 * density))
@@ -418,15 +427,16 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-CORNER = -0.75 * math.pi  # phase of the process at the frequency that determines the unit of time
-INTEGRATORS_TURN = 0.25 * math.pi  # with several integrators, the phase lag beyond theirs at this frequency
-# A limit of noise determines the unit only if it demands a frequency lower than that by this factor.
+# The unit of time is the inverse of the frequency at which the phase of the process is CORNER. With several integrators
+# it is the frequency at which the phase is below that of the integrators by INTEGRATORS_TURN.
+CORNER, INTEGRATORS_TURN = -0.75 * math.pi, 0.25 * math.pi
+# A limit on noise determines the unit only if its frequency is lower by more than this factor.
 NOISE_SLOWDOWN = 8.0
-QUIET_SHARE = 0.1  # share of the noise limit for proportional action, if nothing else determines the unit
+QUIET_SHARE = 0.1  # proportional gain divided by the noise limit, if nothing else determines the unit
 
 
 def unit_of_time(process: Process, limits: Requirements) -> float:
-    """Return a unit of time in which a loop that is limited only by robustness has numbers near 1."""
+    """Return a unit of time in which the numbers of a loop around the process, limited by robustness, are near 1."""
     poles = roots(process.den)
     integrators = int(np.sum(poles == 0))
     speeds = np.abs(np.concatenate([poles, roots(process.num)]))
@@ -435,7 +445,7 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
     if not corners.size:
         return _by_noise(process, integrators, limits)
     growing = np.max(poles.real, initial=0.0)
-    if growing > 0:  # use a time between the growth and the fastest possible reaction of an unstable process
+    if growing > 0:  # the speed of the loop is between the growth rate and the fastest possible reaction
         return 1 / math.sqrt(growing * float(corners.max()))
     w = np.geomspace(1e-3 * corners.min(), 1e3 * corners.max(), 4000)
     at_rest = -0.5 * np.pi * integrators
@@ -446,20 +456,20 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
 
 
 def _loudest(process: Process, limits: Requirements, w: Array) -> float:
-    """Return the frequency up to which a limit of noise permits control, at which |C S| is near 1/|P|."""
+    """Return the frequency up to which a limit on noise permits control, which needs |C S| near 1/|P|."""
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)
     if limits.mks is not None:
         able &= asked <= limits.mks
     if limits.noise_gain is not None and limits.sample_time is not None:
-        # The power of sampled white noise is uniform below pi divided by the sample time.
+        # The power of sampled white noise is uniform up to the frequency pi / sample_time.
         power = np.cumsum(asked**2 * np.gradient(w)) * limits.sample_time / np.pi
         able &= power <= limits.noise_gain**2
     return float(w[able].max()) if able.any() else math.inf
 
 
 def _by_noise(process: Process, integrators: int, limits: Requirements) -> float:
-    """Return the unit of time for pure integrators, whose loop only noise limits."""
+    """Return the unit of time for pure integrators, for which only noise limits the speed of a loop."""
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:
         raise ValueError(

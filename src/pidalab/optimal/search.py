@@ -1,7 +1,8 @@
-"""Descents under limits and their starts, for `pidalab.optimal`.
+"""Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
-There are two families of starts. The first consists of PI and PID controllers with filters of several speeds. The
-second has all zeros at one place below a chosen crossover, for plants that need derivative action to be stable.
+The candidates for starts form two families. The first family consists of PI and PID controllers with filters of several
+speeds. The controllers of the second family have all zeros at one place below a chosen crossover, for plants that need
+derivative or acceleration to be stable.
 """
 
 from __future__ import annotations
@@ -30,33 +31,34 @@ from pidalab.requirements import Requirements
 from pidalab.robustness.poles import is_stable
 
 FINE_SAMPLES = 8192  # number of samples of the response for the final IAE
-# The grid of filter times has a largest and a smallest logarithm, in units of the process, and a number of points.
+# Grid of the logarithms of filter times: largest value, smallest value, and number of values. The unit of time is that
+# of the problem.
 SLOWEST_ON_GRID, FASTEST_ON_GRID, GRID_SIZE = 1.0, -5.0, 13
 FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
-LARGEST_GAIN = 1e6  # relative to the unit of gain of the process
-SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the process
+LARGEST_GAIN = 1e6  # in the units of gain of the problem
+SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the problem
 VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
-SPARE = 2e-5  # the search stays below a limit by this share, since peaks may lie between its frequencies
-AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # frequencies added around a peak, relative to it
-BETWEEN = 0.01  # a frequency represents another if their relative distance is smaller
+SPARE = 2e-5  # the search keeps (1 - this) times each limit, since peaks may lie between its frequencies
+AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # frequencies around a peak, divided by that of the peak
+BETWEEN = 0.01  # a frequency is not added if the relative distance to an existing frequency is smaller
 NEARLY = 1e-4  # allowed violation of a limit during the search
-ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of intermediate and of final descents
-# At most this number of descents follow each other. A descent is long if log IAE falls by more than LONG_DESCENT.
+ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of an intermediate and of a final descent
+# Largest number of successive descents. A descent is long if log IAE falls by more than LONG_DESCENT.
 AGAIN, LONG_DESCENT = 4, 0.2
-FINER = 12  # ratio of the numbers of frequencies for the final noise and for the search
+FINER = 12  # number of frequencies for the final noise gain, divided by the number for the search
 
 
 class Search:
-    """Problem with its limits at discrete frequencies. Peaks between these frequencies are added when found."""
+    """Problem with limits at a set of frequencies, to which peaks between the frequencies are added."""
 
-    nearest: Array | None = None  # controller closest to the limits if none keeps them
+    nearest: Array | None = None  # if no controller keeps the limits, the nearest one
     family: tuple[Process, ...] = ()  # plants with positive gain that must keep ms_worst
 
     def __init__(self, problem: Problem, limits: Requirements) -> None:
         self.problem, self.limits = problem, limits
         self.active: list[int] = []  # plants of the family that the descents consider
         time = problem.time
-        # The frequencies must be dense around crossover, and dense enough for the turns of the dead time.
+        # The frequencies are dense around the crossover, and dense enough to follow the phase of the dead time.
         far = np.geomspace(10.0, 2.0 / np.exp(FASTEST_ON_GRID), 16)[1:]
         w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
@@ -76,11 +78,14 @@ class Search:
         self.bounds = [(1e-6, LARGEST_GAIN)] + [(0.0, LARGEST_GAIN)] * (problem.order + 1) + [filters]
 
     def sound(self, x: Array) -> bool:
-        """Return True if the loop is stable and, if noise is limited, the sampled loop is stable as well."""
+        """Return True if the loop is stable. With a limit on the noise gain, the sampled loop must also be stable."""
         return is_surely_stable(self.loop(x)) and np.isfinite(self.true_noise(x))
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
-        """Return the best start at another filter time: the last optimum, with less derivative, or the first start."""
+        """Return the best start at another filter time.
+
+        The candidates are the last optimum x, the same controller with less derivative action, and the first start.
+        """
         count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
         powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (
@@ -94,7 +99,7 @@ class Search:
         return best
 
     def log_iae(self, x: Array) -> tuple[float, Slope]:
-        """Return log IAE and a function of its gradient, or a barrier for an unstable loop."""
+        """Return log IAE and a function that returns its gradient. For an unstable loop return `BARRIER`."""
         if self.problem.unstable(x):
             return BARRIER, lambda: np.zeros(x.size)
         value, slope = self.iae(x)
@@ -105,7 +110,7 @@ class Search:
         return max(0.0, -min(float(np.min(each.value(x))) for each in constraints or self.constraints()))
 
     def constraints(self) -> list[CachedValueAndSlope]:
-        """Return the slack of every limit at the present frequencies. It is negative if the limit is violated."""
+        """Return functions of the slack of all limits at the present frequencies. A violation is a negative slack."""
         worst = {"ms": self.limits.ms_worst * (1 - SPARE)}
         functions = [self.problem.slack(self.w, self.limits.peaks(SPARE))]
         functions += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
@@ -127,9 +132,9 @@ class Search:
         highest: float = LARGEST_GAIN,
         effort: tuple[int, float] = ROUGH,
     ) -> tuple[float, Array, float]:
-        """Run sequential quadratic programming from a start. Return value, unknowns and the largest violation.
+        """Run sequential quadratic programming from a start. Return the IAE, the unknowns and the largest violation.
 
-        The filter time may be fixed, and the gain of the highest derivative may be bounded.
+        The filter time is fixed if it is given, and `highest` bounds the gain of the highest derivative.
         """
         from scipy.optimize import minimize
 
@@ -156,7 +161,8 @@ class Search:
                 end = np.clip(scaled.back(solution.x), low, high)
                 before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
-                # A long descent may have ended early with the curvature of its start, so descend again from its end.
+                # A long descent may have ended early, because it used the curvature at its start. So it is continued
+                # from its end.
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
                     break
                 x = end
@@ -164,7 +170,7 @@ class Search:
         return (float(np.exp(value)), end, violation) if ok else (np.inf, start, np.inf)
 
     def loop(self, x: Array) -> Loop:
-        """Close the loop with the controller of a vector of unknowns."""
+        """Return the loop with the controller of a vector of unknowns."""
         gains, time = self.problem.controller(x)
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
@@ -174,19 +180,19 @@ class Search:
             self.w = np.append(self.w, peak * AROUND)
 
     def see(self, k: int, peak: float) -> None:
-        """Add a plant of the family to the descents. If it is there already, add frequencies around its peak."""
+        """Add plant k of the family to the descents. If the plant is already there, add the frequencies of its peak."""
         if k in self.active:
             self.look_at(peak)
         else:
             self.active.append(k)
 
     def true_noise(self, x: Array) -> float:
-        """Return the noise gain of the sampled loop, 0 without a limit, or infinity for an unstable loop."""
+        """Return the noise gain of the sampled loop. Return 0 without a limit, and infinity for an unstable loop."""
         return 0.0 if self.exact_noise is None else self.exact_noise.gain(x)
 
 
 def is_surely_stable(loop: Loop) -> bool:
-    """Return True if a loop is stable, and False if its poles cannot be counted."""
+    """Return True if a loop is stable. Return False if its poles cannot be counted."""
     try:
         return is_stable(loop)
     except ArithmeticError:
@@ -194,7 +200,7 @@ def is_surely_stable(loop: Loop) -> bool:
 
 
 def search_in(process: Process, order: int, limits: Requirements, factor: float = 1.0) -> Search:
-    """Return a search in a factor times the unit of time that suits a process.
+    """Return a search whose unit of time is that of the process, times a factor.
 
     Parameters
     ----------
@@ -226,16 +232,17 @@ def search_in(process: Process, order: int, limits: Requirements, factor: float 
 # --- starts -----------------------------------------------------------------------------------------------------------
 
 
-GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)  # proportional gains, in units of the process
-INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)  # integral gain divided by proportional gain
-DERIVATIVES = (0.0, 1.0, 5.0)  # derivative gain divided by proportional gain
-FILTERS = (-4.0, -2.0, 0.0)  # logarithms of filter times
-CROSSOVERS = np.geomspace(0.02, 5.0, 9)  # crossovers of the second family, in units of the process
-# In the second family, ZEROS_BELOW is crossover divided by zeros, and FILTER_ABOVE is the filter's corner divided by
-# crossover.
+# First family, in units of the problem: proportional gain, integral gain / proportional gain, derivative gain /
+# proportional gain, and logarithm of the filter time.
+GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)
+INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)
+DERIVATIVES = (0.0, 1.0, 5.0)
+FILTERS = (-4.0, -2.0, 0.0)
+# Second family: crossover, crossover / zeros of the controller, and corner of the filter / crossover.
+CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # an approach ends at this violation, slightly within the limits
+INSIDE = -1e-3  # an approach to the limits ends at this violation, slightly within the limits
 TRIED = 60  # number of candidates whose stability is checked
 STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts, and their least distance
 NEAREST = 4  # number of candidates from which the limits are approached
@@ -256,13 +263,16 @@ def feasible_starts(search: Search) -> list[Array]:
 
 
 def _apart(first: Array, other: Array, gains: int) -> bool:
-    """Return True if integral gain, largest action or filter time differ by more than a factor."""
+    """Return True if integral gain, largest gain or filter time of two candidates differ by more than a factor."""
     differences = np.log([first[0] / other[0], first[:gains].max() / other[:gains].max()])
     return bool(max(np.abs(differences).max(), abs(first[gains] - other[gains])) > START_GAP)
 
 
 def approached(search: Search) -> list[Array]:
-    """Return a start that keeps all limits, from candidates that do not. Store the closest candidate in the search."""
+    """Return a start that keeps all limits, found from candidates that violate limits.
+
+    Store the controller that is nearest to the limits in the search.
+    """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
         x = relax(search, start)
@@ -275,12 +285,15 @@ def approached(search: Search) -> list[Array]:
 
 
 def stabilising(search: Search) -> Iterator[Array]:
-    """Yield candidates that stabilise the process. Those closest to the limits come first, then the fastest."""
+    """Yield candidates that stabilise the process, in the order of `_ranked`."""
     return (x for x in _ranked(search)[:TRIED] if search.sound(x))
 
 
 def _ranked(search: Search) -> list[Array]:
-    """Return candidates whose loops turn as stable loops. Those closest to the limits come first, then the fastest."""
+    """Return candidates whose loops are stable on a grid of frequencies.
+
+    The candidates nearest to the limits come first. Among equal violations, the fastest candidates come first.
+    """
     problem, constraints = search.problem, search.constraints()
     likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))
     ranked = [(search.violation(x, constraints), -x[0], x) for x in likely]
@@ -289,7 +302,7 @@ def _ranked(search: Search) -> list[Array]:
 
 
 def relax(search: Search, start: Array) -> Array:
-    """Move from a start to a point that keeps the limits, or that violates them least."""
+    """Move from a start to a point that keeps the limits, or violates the limits least."""
     from scipy.optimize import minimize
 
     constraints = search.constraints()
@@ -317,7 +330,7 @@ def relax(search: Search, start: Array) -> Array:
 
 
 def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:
-    """Yield both families of candidates, each with every allowed filter."""
+    """Yield the candidates of both families, each with every allowed filter time."""
     for action, filters in _families(problem):
         for time in np.unique(np.clip(filters, fastest, slowest)):
             x = np.zeros(problem.size)
@@ -327,7 +340,7 @@ def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Ar
 
 
 def _families(problem: Problem) -> Iterator[tuple[Array, Any]]:
-    """Yield gains and logarithms of filter times of both families."""
+    """Yield the gains and the logarithms of the filter times of both families."""
     for gain, share, derivative in product(GAINS, INTEGRAL_SHARES, DERIVATIVES if problem.order else (0.0,)):
         yield np.array([gain * share, gain, derivative * gain])[: problem.gains], FILTERS
     for w, below, zeros in product(CROSSOVERS, ZEROS_BELOW, range(1, problem.gains)):

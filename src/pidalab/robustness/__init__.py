@@ -1,7 +1,7 @@
-"""Margins and poles of a loop, and its absolute stability with a limited control signal.
+"""Compute margins and poles of a loop, and its absolute stability with a limited control signal.
 
-Poles and margins are at the top of the library, such as `pidalab.is_stable` and `pidalab.margins`. This package also
-has the criteria of absolute stability and the largest gain from noise to control signal.
+The functions for poles and margins are members of `pidalab` (`pidalab.is_stable`, `pidalab.margins`). This module
+offers the criteria of absolute stability and the largest gain from noise to control signal.
 """
 
 from pidalab.robustness.limits import Criterion, LinearPart, circle, linear_part, popov, smallest_filter_time

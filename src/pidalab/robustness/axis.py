@@ -1,9 +1,10 @@
-"""A loop along the frequency axis: grid, crossovers and peaks, for loops in s and in z.
+"""Find crossovers and peaks of a loop along the frequency axis, for loops in s and in z.
 
-The grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid points, but
-the dead time turns the phase without bound. So a grid step is divided further only under two conditions. The dead time
-turns the phase quickly within the step. Also, L must be large enough there, or the upper bound of a sought peak must be
-high enough. Array operations then refine all crossovers, or all peaks, together.
+The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
+points, but the dead time turns the phase without bound. So a grid step is divided further if the dead time turns the
+phase quickly within the step *and* a crossover or peak is possible there: for crossovers, L must be large enough; for
+peaks, the upper bound of the height must be high enough. Array operations then refine all crossovers, or all peaks, at
+once.
 """
 
 from __future__ import annotations
@@ -25,26 +26,27 @@ MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memo
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
 NEAR_POSITIVE_AXIS = 0.5
-ROUNDING = 1e-12  # a smaller relative imaginary part, logarithm of |L| or relative difference counts as 0
-TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its distance from 0 is less than this value
-DETOUR = 1.5  # assumed largest ratio of the path of L between two points to their distance
-NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds the best peak by more than this share
+ROUNDING = 1e-12  # a smaller relative imaginary part, |log |L|| or relative difference counts as 0
+TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
+DETOUR = 1.5  # assumed largest ratio of the length of the path of L between two points to their distance
+NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
 TINIEST = 1e-300  # a smaller |L| counts as 0
 HUGE = 1e9  # where |L| is larger, a jump of the phase is due to a pole on the axis
 MOST_STEPS = 60  # largest number of steps of a refinement
-# A crossover is found when a step is shorter than this share of the first bracket. The error is then about the square
-# of the share, which is below rounding.
+# The refinement of a crossover ends when a step is shorter than this, relative to the first bracket. The relative error
+# is then about the square of this number, which is below rounding.
 SAME_CROSSING = 1e-8
-# A peak is found when a step is shorter than the first share of the first bracket. The second share is the distance of
-# points for differences.
+# The refinement of a peak ends when a step is shorter than SAME_PEAK, relative to the first bracket. Differences are
+# computed at points whose distance, relative to the bracket, is DIFFERENCE_STEP.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
-PIECE = 64.0  # number of points in a piece of a long step, which is skipped or followed as a whole
+# A long grid step is divided into pieces with this number of points. A piece is either skipped or computed as a whole.
+PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
 QUICK = 12.0
 MOST_PROBED = 20  # largest number of gain crossovers around which a peak is sought first
-TO_AN_END = 1e-7  # a peak counts only if it exceeds the limits at both ends of the axis by about this share
-# The characteristic function counts as 0 on the contour if it is below this share of its terms.
+TO_AN_END = 1e-7  # a peak counts only if it exceeds (1 + this) * the limits at both ends of the axis
+# The characteristic function N + D counts as 0 if its modulus is at most this number times |N| + |D|.
 ON_CONTOUR = 1e-9
 SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: |S|, |T|, half of |S - T|
 # Distances of grid points from a lightly damped root, in units of its damping.
@@ -56,7 +58,7 @@ class TooManyTurns(ArithmeticError):
 
 
 class Samples(NamedTuple):
-    """A loop at some frequencies: numerator and denominator of L."""
+    """Numerator and denominator of L at some frequencies."""
 
     w: Any
     num: Any
@@ -83,7 +85,7 @@ def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
 
 
 def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Array:
-    """Divide some steps between frequencies until the dead time turns the phase in each by at most `turn`."""
+    """Divide the selected steps between frequencies until the dead time turns the phase by at most `turn` in each."""
     parts = np.where(steps, np.maximum(np.ceil(np.diff(w) * delay / turn), 1.0), 1.0)
     points = float(parts.sum())
     if not points <= MOST_POINTS:
@@ -99,19 +101,20 @@ def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Arra
 
 
 def most_between(*neighbours: Any) -> Any:
-    """Return an upper bound of a smooth positive function between neighbours: the squared maximum over the minimum."""
+    """Return an upper bound of a smooth positive function between neighbouring points: maximum^2 / minimum."""
     low, high = np.fmin.reduce(neighbours), np.fmax.reduce(neighbours)
     return high * np.where(low > 0, high / low, 1.0)
 
 
 def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any = True) -> Array:
-    """Return the zeros of a function in the allowed steps at whose ends its values have different signs.
+    """Return the zeros of a function, one in each allowed step at whose ends the function has different signs.
 
     Notes
     -----
-    This is Ridders' method for all zeros at once. The function has different signs at `low` and `high`, and either may
-    be the larger frequency. Each step at least halves the bracket, and near a simple zero it doubles the number of
-    correct digits. If the function is exactly 0 at a place, that place becomes both ends of the bracket.
+    Ridders' method is applied to all zeros at once. Invariant: the function has different signs at the ends `low` and
+    `high` of each bracket, of which either may be the larger frequency. Each iteration at least halves the bracket, and
+    near a simple zero it doubles the number of correct digits. If the function is exactly 0 at `place`, both ends of
+    the bracket are moved to `place`.
     """
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
     low, high, at_low, at_high, place = w[i], w[i + 1], values[i], values[i + 1], w[i]
@@ -137,13 +140,14 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Return place and value of the minimum of a function between the two neighbours of each given point.
+    """Return the places and values of minima of a function, each between the two neighbours of the point w[i].
 
     Notes
     -----
-    This is Newton's method on the slope, for all minima at once. The iterates stay between `low`, where the function
-    falls, and `high`, where it rises. Slope and curvature are differences over wide steps, because the values lose many
-    digits near a lightly damped pole. The returned value is that of the last parabola at its vertex.
+    Newton's method on the slope is applied to all minima at once. Invariant: each iterate stays between `low`, where
+    the function falls, and `high`, where it rises. Slope and curvature are computed from differences with long steps,
+    because the values lose many digits near a lightly damped pole. The returned value is that of the last parabola at
+    its vertex.
     """
     low, place, high = w[i - 1], w[i], w[i + 1]
     wide, apart = high - low, DIFFERENCE_STEP * np.fmin(place - low, high - place)
@@ -163,7 +167,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
 
 
 def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
-    """Return the frequencies where |L| = 1, ascending, and those of extrema of |L| near 1."""
+    """Return the frequencies where |L| = 1, ascending, and the frequencies of extrema of |L| near 1."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
         _, num, den = at(w)
@@ -199,10 +203,9 @@ def height(kind: int, num: Any, den: Any) -> Any:
 
 
 def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
-    """Return an upper bound of a weighted height between neighbouring points, from |L| and the weight at the points.
+    """Return an upper bound of weight * height between neighbouring points, from |L| and the weight at the points.
 
-    Between two points |1 + L| is at least the distance of |L| from 1, for any phase of the dead time. The bound is
-    infinite where |L| may be 1.
+    For any phase of the dead time, |1 + L| is at least | |L| - 1 |. The bound is infinite where |L| may be 1.
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
@@ -213,9 +216,9 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Axis(ABC):
-    """Loop as a function of frequency, with a grid.
+    """Loop as a function of frequency, with a grid of frequencies.
 
-    `pidalab.robustness.in_s.AxisInS` is for continuous loops, `pidalab.robustness.in_z.AxisInZ` for sampled loops.
+    `pidalab.robustness.in_s.AxisInS` represents continuous loops, and `pidalab.robustness.in_z.AxisInZ` sampled loops.
 
     Attributes
     ----------
@@ -224,12 +227,12 @@ class Axis(ABC):
     on_grid : Samples
         The loop at the frequencies of the grid.
     delay : float
-        Dead time, which turns the phase. It is 0 if there is none.
+        Dead time; 0 if there is none.
     at_zero, at_end : float
-        L at both ends of the axis, a real number. With dead time every phase occurs towards infinite frequency, and
-        `at_end` has the worst phase.
+        L at both ends of the axis, a real number. With dead time L has no limit at infinite frequency. Then `at_end` is
+        the limit of -\\|L\\|, which is the worst case.
     end : float
-        The last frequency. It is infinity for a continuous loop, and half the sampling frequency for a sampled loop.
+        Upper end of the axis: infinity for a continuous loop, half the sampling frequency for a sampled loop.
     """
 
     grid: Array
@@ -245,7 +248,10 @@ class Axis(ABC):
 
     @abstractmethod
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count the zeros of the characteristic function right of s = jω - slope ω - shift. None if a zero is on it."""
+        """Count the zeros of the characteristic function to the right of a contour. Return None if a zero lies on it.
+
+        The contour is s = jω - contour_slope * ω - contour_shift.
+        """
 
     def L(self, w: Any) -> Any:
         """Evaluate the loop transfer function at frequencies."""
@@ -259,16 +265,16 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return a grid on which the dead time turns the phase little in each step where \\|L\\| >= loud."""
+        """Return the grid, with steps divided where \\|L\\| >= loud, so that the phase turns little in each step."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
-        """Return the grid, with some steps divided until the dead time turns the phase in each by at most `turn`."""
+        """Return the grid, with some steps divided until the dead time turns the phase by at most `turn` in each."""
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property
     def gain_crossings(self) -> tuple[Array, Array]:
-        """Return the frequencies of the gain crossovers, and those of extrema of |L| near 1."""
+        """Return the frequencies of the gain crossovers, and the frequencies of extrema of |L| near 1."""
         return gain_crossings(self.at, self.on_grid)
 
     @property
@@ -279,7 +285,8 @@ class Axis(ABC):
     def phase_crossovers(self, quietest: float) -> Array:
         """Return the frequencies where L is real and negative.
 
-        A continuous loop with dead time has infinitely many, so only those with |L| >= `quietest` are returned.
+        A continuous loop with dead time has infinitely many of these frequencies, so only those with |L| >= `quietest`
+        are returned.
         """
 
         def angle(w: Any) -> Any:
@@ -295,7 +302,7 @@ class Axis(ABC):
             product = num * np.conj(den)
             clear = np.abs(product.imag) >= ROUNDING * np.abs(product)
             w, product, size = w[clear], product[clear], (np.abs(num) / np.abs(den))[clear]
-            # If L is near the positive axis at both ends of a step, it crosses the positive axis.
+            # If L is near the positive axis at both ends of a step, L crosses the positive axis, if any.
             ahead, loud = product.real > NEAR_POSITIVE_AXIS * np.abs(product), size >= floor
             allowed = ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:])
             crossovers = zeros(angle, w, np.angle(-product), allowed)
@@ -304,23 +311,23 @@ class Axis(ABC):
         return crossovers[(L.real < 0) & (np.abs(L) >= floor) & (np.abs(L) < HUGE)]
 
     def peak(self, kind: int) -> tuple[float, float]:
-        """Return the supremum of |S|, |T| or half of |S - T|, and its frequency."""
+        """Return the supremum of |S|, |T| or |S - T|/2, and its frequency."""
         at_zero, at_end = (_height_at_an_end(kind, L) for L in (self.at_zero, self.at_end))
         return self.supremum(kind, at_zero, at_end)
 
     def supremum(
         self, kind: int, at_zero: float, at_end: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the largest of the weighted peaks and the limits at both ends of the axis, and its frequency."""
+        """Return the supremum of weight * height and its frequency, from the peaks and the limits at both ends."""
         end = max(at_zero, at_end)
         peak, where = self.highest(kind, end / (1 - TO_AN_END), weight)
-        if math.isnan(where):  # the limit at an end is the highest
+        if math.isnan(where):  # no peak is higher than the limits at the ends
             return end, 0.0 if at_zero >= end * (1 - TO_AN_END) else self.end
         return peak, where
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies around gain crossovers, where the dead time turns L quickly and brings it close to -1."""
+        """Return frequencies near the fastest gain crossovers. There L comes near -1, since its phase turns quickly."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers
@@ -330,22 +337,23 @@ class Axis(ABC):
     def highest(
         self, kind: int, least: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the highest weighted peak of |S|, |T| or half of |S - T|, and its frequency.
+        """Return the highest peak of weight * height and its frequency, for the height |S|, |T| or |S - T|/2.
 
         Parameters
         ----------
         kind : int
             `SENSITIVITY`, `COMPLEMENTARY` or `DIFFERENCE`.
         least : float
-            Value that a peak must exceed. If no peak does, return `least`, and NaN as its frequency.
+            Value that a peak must exceed. If no peak exceeds `least`, return `least`, and NaN as its frequency.
         weight : callable, optional
             A smooth positive function of frequency.
 
         Notes
         -----
-        `best` is the highest value so far. Each step of the grid has an upper bound of the height within the step. Only
-        steps whose bound exceeds `best` are divided, those with the largest bounds first. A local maximum of three
-        points is refined only if its bound exceeds `best`. Probes near gain crossovers raise `best` early.
+        `best` is the highest value so far, and `most` is an upper bound of the height within each step of the grid.
+        Only steps whose bound exceeds `best` are divided, and the steps with the largest bounds come first. A local
+        maximum of three points is refined only if its bound exceeds `best`. So no peak above the result is missed. The
+        values at `_probes` are computed first, because a high `best` saves work.
         """
 
         def values(samples: Samples) -> Any:
@@ -389,7 +397,7 @@ class Axis(ABC):
                 & (inner * (1 - ROUNDING) > np.fmin(before, after))
                 & ~(np.fmax(most[:-1], most[1:]) <= best * (1 + NO_HIGHER))
             )
-            # Between its neighbours, a point's distance from -1 decreases by at most the length of the path of L.
+            # Between the neighbours of a point, |1 + L| decreases by at most the length of the path of L.
             three = hills + np.array([[-1], [0], [1]])
             L = samples.num[three] / samples.den[three]
             distance = np.abs(1 + L)
@@ -412,6 +420,6 @@ def round_to_count(number: float) -> int | None:
 
 
 def _height_at_an_end(kind: int, L: float) -> float:
-    """Return a height at an end of the axis, where L is real or infinite."""
+    """Return the height at an end of the axis, where L is real or infinite."""
     num, den = (1.0, 0.0) if math.isinf(L) else (L, 1.0)
     return float(height(kind, num, den)) if den + num else math.inf

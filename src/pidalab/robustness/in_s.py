@@ -1,4 +1,4 @@
-"""A continuous loop as a function of frequency, evaluated from its poles and zeros."""
+"""Evaluate a continuous loop along the frequency axis, by its poles and zeros."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from pidalab.robustness.axis import (
 )
 from pidalab.roots import roots
 
-# If the dead time turns the phase by more than this angle in rad, rounding hides the fraction of a turn.
+# If the dead time turns the phase by more than this angle in rad, a fraction of a turn is smaller than rounding.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
-CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse
+CLEAR = 10.0  # the grid is extended until |L| has passed this value or its inverse
 
 
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    Each pole has a speed above 0. The speeds prevent overflow of the products of factors.
+    Each pole has a speed above 0, which prevents overflow of the products of factors.
     """
 
     gain: float
@@ -43,7 +43,7 @@ class LoopFactors(NamedTuple):
     delay: float
 
     def fraction(self, s: Any) -> tuple[Any, Any]:
-        """Evaluate numerator and denominator of L. Factors are divided by |s| plus a speed to prevent overflow."""
+        """Evaluate numerator and denominator of L. To prevent overflow, each factor is divided by |s| + speed."""
         flat, few = np.ravel(s), self.zeros.size
         with np.errstate(all="ignore"):
             scale = 1.0 / (np.abs(flat) + self.speeds[:, None])
@@ -119,16 +119,18 @@ class AxisInS(Axis):
         return Samples(w, *self.factors.fraction(1j * np.asarray(w)))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        r"""Count zeros of the characteristic function f right of s = jω - slope ω - shift. None if a zero is on it.
+        r"""Count zeros of the characteristic function f to the right of a contour. Return None if a zero lies on it.
+
+        The contour is s = jω - contour_slope * ω - contour_shift.
 
         Notes
         -----
         With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. So between
-        two gain crossovers the change of the angle of f is the sum of two changes. One is the change of the angle of D.
-        The other is the difference of the angles of 1 + L at the two crossovers. Where \|L\| > 1, the same holds with N
-        and 1 + 1/L. Along a straight line, the angle of each factor changes by less than half a turn. The angle of the
-        dead time changes by its product with the change of frequency. So the values at the gain crossovers suffice, and
-        the turns between them need not be followed.
+        two gain crossovers the change of the angle of f is the change of the angle of D, plus the difference of the
+        angles of 1 + L at the two crossovers. Where \|L\| > 1, the same holds with N and 1 + 1/L. Along a straight
+        line, the angle of each factor s - root changes by less than half a turn. The angle of the dead time changes by
+        the dead time times the change of frequency. So the values at the gain crossovers suffice, and L need not be
+        computed between them.
         """
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope
@@ -162,7 +164,7 @@ class AxisInS(Axis):
                 k = np.flatnonzero(active)
                 start = direction * np.append(0.0, edges)[k] - contour_shift
                 stop = np.append(direction * edges - contour_shift, np.nan)[k]
-                # At the infinite end of the contour, the directions to all roots are the same.
+                # Seen from the infinite end of the contour, all roots lie in the same direction.
                 reach = np.where(np.isnan(stop.real)[:, None], direction, stop[:, None] - zeros[None, :])
                 total += float(np.angle(reach * np.conj(start[:, None] - zeros[None, :])).sum())
                 total += sign * float((half[k + 1] - half[k]).sum())
@@ -220,7 +222,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return extensions of the grid at both ends, where |L| is a power of w, up to where |L| has crossed 1."""
+    """Return frequencies that extend the grid at both ends until |L|, there a power of w, has crossed 1."""
     at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
     at_infinity = factors.poles.size - factors.zeros.size
     parts = []

@@ -1,13 +1,13 @@
-r"""A sampled loop as a function of frequency along the unit circle, with its exact dead time.
+r"""Evaluate a sampled loop along the unit circle, with exact dead time.
 
 Within a sample interval h, the delayed input of the plant is constant, or constant in each of two pieces (see
 `statespace`). So :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function of the plant from
 sample to sample is
 
-.. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0},
+.. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0}.
 
-With the controller K(z), :math:`L(z) = G(z) K(z)` determines stability and margins at the samples without
-approximation. The output between samples is not considered.
+With the controller K(z), the loop transfer function is :math:`L(z) = G(z) K(z)`. It determines stability and margins at
+the samples without approximation. The output between samples is not considered.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from pidalab.statespace import ALIGNED, held, pieces, realise
 
 LARGEST_TURN = 0.8  # largest change of the angle of the characteristic function between two points, in rad
 HALVINGS = 70  # largest number of times that a step is halved
-LONGEST_DELAY = 1e6  # largest dead time in samples; in a longer one, rounding hides the fraction of a sample
+LONGEST_DELAY = 1e6  # largest dead time in samples; beyond, rounding hides the fraction of a sample
 
 
 def require_later_answer(plant: Any, direct: float, h: float) -> None:
-    """Raise an error if the output of a plant at a sample depends on the input that is set at the same time."""
+    """Raise an error if the output of a plant at a sample depends on the input at the same sample."""
     if direct and plant.delay < h * ALIGNED:
         raise ValueError(
             f"plant must have a dead time or no direct feedthrough in a sampled loop, found {plant!r}"
@@ -100,7 +100,7 @@ class AxisInZ(Axis):
     ----------
     transfer : callable
         Function that returns numerator and denominator of L at s = jω or nearby. The unstable poles of L are zeros of
-        the denominator. Both have poles only inside the circle.
+        the denominator. Numerator and denominator have poles only inside the circle.
     """
 
     transfer: Callable[[Any], tuple[Any, Any]]
@@ -110,15 +110,16 @@ class AxisInZ(Axis):
         return Samples(w, *self.transfer(1j * w))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count zeros of the characteristic function outside of the circle or spiral z = e^(s h).
+        """Count zeros of the characteristic function outside of a contour. Return None if a zero lies on it.
 
-        On this curve, s is jω - slope ω - shift. None if a zero is on the curve.
+        The contour is z = e^(s h) with s = jω - contour_slope * ω - contour_shift: the unit circle or a spiral.
 
         Notes
         -----
-        The characteristic function is N + D for L = N/D. Where |L| stays below 1 between two points of the grid, its
-        angle is followed by that of D. Where |L| stays above 1, its angle is followed by that of N. All other steps are
-        halved until the angle of N + D changes by less than `LARGEST_TURN`.
+        The characteristic function is N + D for L = N/D. If |L| stays below 1 between two points of the grid, the
+        change of the angle of N + D follows from the angle of D and the angle of 1 + L at both points. If |L| stays
+        above 1, it follows from the angles of N and of 1 + 1/L. All other steps are halved until the angle of N + D
+        changes by at most `LARGEST_TURN`.
         """
 
         def characteristic(w: Any) -> Any:
@@ -133,7 +134,6 @@ class AxisInZ(Axis):
             first, last = f[0], f[-1]
             if np.any(np.isnan(f)):
                 return None
-            # Where |L| stays below 1, follow the angle of den. Where |L| stays above 1, follow the angle of num.
             L, size = num / den, np.abs(num) / np.abs(den)
             quiet, loud = (
                 most_between(*pair) < 1 for pair in ((size[:-1], size[1:]), (1 / size[:-1], 1 / size[1:]))

@@ -1,37 +1,38 @@
-r"""Absolute stability of a loop with a limited control signal: circle and Popov criterion with exact dead time.
+r"""Prove absolute stability of a loop with a limited control signal: circle and Popov criterion with exact dead time.
 
-Assume constant set point and load, and a controller with automatic reset. The limited control signal
-:math:`u = \mathrm{sat}(u_L)` then drives its own input,
+With constant set point and load, the limited control signal :math:`u = \mathrm{sat}(u_L)` of a controller with
+automatic reset acts back on :math:`u_L`,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback. It is part of
-G because its input is the *limited* signal. Assume that the loop can rest at a u strictly between the limits. Then the
+(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback. F_r is part of
+G because its input is the *limited* signal. Suppose that the loop can rest at a u strictly between the limits. Then the
 deviation of u from this value is a function of the deviation of u_L, and the function lies in the sector from 0 to 1.
-Its slope is at most 1. The function is 0 only at 0, although it saturates for large deviations. The criterion of Popov
+Its slope is at most 1, and its value is 0 only at 0, although it saturates for large deviations. The criterion of Popov
 with the multiplier :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
-With θ = 0 it is the circle criterion, whose circle for this sector is the half plane left of -1. If one of the criteria
-is met, the loop comes to rest from every initial state. The theorem makes these assumptions.
+With θ = 0 this is the circle criterion, whose circle for this sector is the half plane left of -1. If one of the
+criteria holds, the loop comes to rest from every initial state. The theorem makes these assumptions.
 
-- F is strictly proper, and its poles lie left of the imaginary axis. An integrating process may add one simple pole at
-  0, which is Popov's particular case. In this case the gain 0 does not stabilise, so it does not belong to the sector.
-  The residue must be positive, so that every small gain stabilises. The theorem also requires θ > 0. This covers the
-  circle criterion, too: ωG is bounded, so a positive margin permits a small θ.
+- F is strictly proper. Its poles lie left of the imaginary axis, except one simple pole at 0 for an integrating
+  process. A loop with this pole is Popov's particular case: the gain 0 does not belong to the sector, since it does not
+  stabilise the loop. The residue is positive, so that every small gain stabilises the loop. In this case the theorem
+  requires θ > 0. The circle criterion is covered as well: ωG is bounded, so a positive margin permits a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
-- The inequality is strict, even in the limits of ω to 0 and to infinity.
-- A dead time is allowed (Popov and Halanay, 1962). Nothing is approximated.
+- The inequality is strict, also in the limits of ω to 0 and to infinity.
+- A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
 
-Both criteria are sufficient, not necessary. A loop that fails may still come to rest from every state.
+Both criteria are sufficient, not necessary. A loop that does not meet them may still come to rest from every state.
 
-If F has the pole at 0, :math:`F = E/s`, the limit for ω to 0 is :math:`E'(0) + \theta E(0)`, since :math:`F_r(0) = 1`.
-For the controllers of huba2024 this is :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative
-action the circle criterion is never met. The limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
+With the pole at 0, :math:`F = E/s`, and the expression tends to :math:`E'(0) + \theta E(0)` for ω to 0, since
+:math:`F_r(0) = 1`. For the controllers of huba2024 this limit is
+:math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative the circle criterion never holds. The
+limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is computed on the grid of margins. The turns of the dead time are followed wherever a value below the
-smallest known value is possible.
+The infimum is computed on the same frequency grid as the margins. The grid is divided for the phase of the dead time
+wherever a value below the smallest known value is possible.
 """
 
 from __future__ import annotations
@@ -50,14 +51,14 @@ from pidalab.robustness.axis import Samples, lowest, most_between
 from pidalab.robustness.in_s import from_factors, from_roots
 from pidalab.roots import border, roots
 
-# A lower value is sought only if it may be lower by this amount, relative to the value if the value is above 1.
+# A value counts as lower than `best` if it is below best - NO_LOWER * max(1, |best|).
 NO_LOWER = 1e-10
-GRID_STEPS = 60  # number of grid steps that are followed together
+GRID_STEPS = 60  # number of grid steps that are divided at a time
 TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger
-LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, in units of the slowest time of the loop
-BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, as a share of the time of the reset
-MARGIN_RTOL = 1e-9  # a better multiplier is not sought if the margin can improve only by this share
-MOST_MULTIPLIERS, FURTHER = 60, 4.0  # largest number of tries, and ratio of each to the previous
+LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, divided by the slowest time of the loop
+BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
+MARGIN_RTOL = 1e-9  # the search for a multiplier ends if the possible relative improvement is smaller
+MOST_MULTIPLIERS, FURTHER = 60, 4.0  # largest number of multipliers; largest ratio of successive multipliers
 
 
 class LinearPart(NamedTuple):
@@ -102,9 +103,9 @@ class Criterion(NamedTuple):
     margin : float
         Infimum of Re[1 + (1 + jωθ) G(jω)], accurate to nine digits.
     frequency : float
-        Frequency of the infimum, in rad per time unit. It is 0 or infinite if the infimum is only approached there.
+        Frequency of the infimum, in rad per time unit. 0 or infinite if the infimum is a limit at this frequency.
     multiplier : float
-        θ, which has the unit of time. It is 0 for the circle criterion.
+        Multiplier θ, a time. 0 for the circle criterion.
     """
 
     margin: float
@@ -120,8 +121,8 @@ class Criterion(NamedTuple):
 def linear_part(loop: Loop) -> LinearPart:
     r"""Return the linear part G of a loop, from the limited control signal back to itself.
 
-    For a `pidalab.SeriesPIDA` the reset acts on the limited signal: G = F - F_r, as at the top of this page. With any
-    other controller the limits act on its output, and G is the loop transfer function L.
+    The reset of a `pidalab.SeriesPIDA` acts on the limited signal, so G = F - F_r, as at the top of this page. With any
+    other controller, G is the loop transfer function L.
 
     Parameters
     ----------
@@ -131,13 +132,13 @@ def linear_part(loop: Loop) -> LinearPart:
     Returns
     -------
     LinearPart
-        G, which can be called with complex s.
+        G, a function of complex s.
 
     Raises
     ------
     ValueError
-        If F is not strictly proper, has a pole on or right of the imaginary axis other than a simple pole at 0, or has
-        a pole at 0 whose residue is not positive.
+        If F is not strictly proper, has poles on or right of the imaginary axis other than a simple pole at 0, or has a
+        pole at 0 whose residue is not positive.
 
     Examples
     --------
@@ -201,7 +202,7 @@ def circle(loop: Loop) -> Criterion:
 
     Examples
     --------
-    A third-order lag meets the criterion up to the gain 4, and is stable up to the gain 8.
+    A third-order lag meets the criterion up to a gain of 4, and is stable up to a gain of 8.
 
     >>> import pidalab
     >>> result = pidalab.robustness.circle(pidalab.Loop(pidalab.lags(3), 3.0))
@@ -214,10 +215,7 @@ def circle(loop: Loop) -> Criterion:
 def popov(loop: Loop) -> Criterion:
     r"""Evaluate the Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 that gives the largest margin.
 
-    At each frequency the function is linear in θ, and the margin is the infimum of these functions. The frequencies
-    found so far give an upper bound. The next infimum is computed at the θ at which this bound is largest, until the
-    infimum reaches the bound. With a reset, θ must be below T_i. Without a reset, θ is searched up to 1000 times the
-    slowest time constant of the loop.
+    With a reset, θ must be below T_i. Without a reset, θ is searched up to 1000 times the slowest time of the loop.
 
     Parameters
     ----------
@@ -227,7 +225,7 @@ def popov(loop: Loop) -> Criterion:
     Returns
     -------
     Criterion
-        Criterion whose multiplier is 0, as in the circle criterion, if no other multiplier is better.
+        Its multiplier is 0 if no larger multiplier gives a larger margin.
 
     Raises
     ------
@@ -236,9 +234,15 @@ def popov(loop: Loop) -> Criterion:
     ArithmeticError
         If there are too many turns of the phase to follow.
 
+    Notes
+    -----
+    At each frequency, the expression whose infimum is the margin is linear in θ. So the lines of the frequencies that
+    were found so far give an upper bound of the margin for every θ. The next infimum is computed at the θ with the
+    largest bound, and adds a line. The search ends when the best margin reaches the bound.
+
     Examples
     --------
-    A third-order lag meets the criterion up to the gain 8, the limit of stability.
+    A third-order lag meets the criterion up to a gain of 8, the limit of stability.
 
     >>> import pidalab
     >>> pidalab.robustness.popov(pidalab.Loop(pidalab.lags(3), 7.9)).holds
@@ -259,20 +263,23 @@ def popov(loop: Loop) -> Criterion:
         bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
-        # Large multipliers require many turns of the phase, so increase the multiplier step by step.
+        # With a large multiplier many turns of the phase must be followed, so θ is increased step by step.
         reach = max(slowest, FURTHER * max(each.multiplier for each in tried))
         theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
 
 def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
-    """Return where the minimum of some lines is largest, between 0 and `most`. A line is (value at 0, slope)."""
+    """Return the θ from 0 to `most` at which the minimum of some lines is largest, and this minimum.
+
+    A line is given by its value at 0 and its slope.
+    """
     start, slope = np.transpose(lines)
     with np.errstate(divide="ignore", invalid="ignore"):
         meet = np.subtract.outer(start, start) / -np.subtract.outer(slope, slope)
     places = np.unique(np.append([0.0, most], meet[(meet > 0) & (meet < most)]))
     least = np.min(start + np.outer(places, slope), axis=1)
-    k = int(np.argmax(least))  # the smallest multiplier if several are equal
+    k = int(np.argmax(least))  # argmax selects the smallest of equally good multipliers
     return float(places[k]), float(least[k])
 
 
@@ -284,34 +291,35 @@ def smallest_filter_time(
 ) -> float:
     """Return the shortest filter time down to which a property holds, for a family of loops.
 
-    The family determines what else changes with the filter time. The gains may stay the same. Or they may be computed
-    again for a total dead time that includes that of the filter. From `longest` the filter time is reduced by a tenth
-    until the property fails for the first time. Bisection then finds the border.
+    The family decides what else changes with the filter time. For example, the gains may be constant, or may be tuned
+    again for the sum of dead time and filter time. Starting at `longest`, the filter time is reduced by a tenth until
+    the property fails for the first time. Bisection then finds the border.
 
     Parameters
     ----------
     family : callable
-        Function of a filter time that returns a loop.
+        Function that returns the loop with a given time constant of the filter.
     holds : callable
-        Function that returns True if a loop has the property, such as ``lambda loop: circle(loop).holds``.
+        Function that returns True if a loop has the property, such as ``lambda loop: circle(loop).holds`` or
+        `pidalab.is_stable`.
     longest : float
-        First filter time, above 0. The property must hold there.
+        Longest filter time, above 0, at which the property must hold.
     shortest : float, optional
-        Last filter time. By default a thousandth of `longest`.
+        Shortest filter time, by default a thousandth of `longest`.
 
     Returns
     -------
     float
-        The border to 6 digits, on the side on which the property holds. 0 if it holds down to `shortest`.
+        The border to 6 digits, on the side where the property holds. 0 if the property holds down to `shortest`.
 
     Raises
     ------
     ValueError
-        If the property does not hold at `longest`, or if the times are out of order.
+        If the property does not hold at `longest`, or if `shortest` is not below `longest`.
 
     Examples
     --------
-    The gains are tuned for T_e = 0.8 and stay the same. How short may the filter time become?
+    The gains are constant, tuned for T_e = 0.8. How short may the filter time become?
 
     >>> import dataclasses, pidalab
     >>> from pidalab import robustness
@@ -343,7 +351,7 @@ def smallest_filter_time(
 
 
 def ends(part: LinearPart, theta: float) -> tuple[float, float]:
-    """Return the limits of Re[1 + (1 + jωθ) G] at zero and infinite frequency. With dead time, return lower limits."""
+    """Return the limits of Re[1 + (1 + jωθ) G] at zero and infinite frequency; with dead time the limit inferior."""
     forward = part.forward
     den = forward.den[:-1] if part.integrates else forward.den
     (n1, n0), (d1, d0) = (np.append([0.0, 0.0], p)[-2:] for p in (forward.num, den))
@@ -356,7 +364,7 @@ def ends(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def _reset(part: LinearPart, w: Any, theta: float) -> Any:
-    """Return the real part of (1 + jωθ) F_r, which is monotonic in ω."""
+    """Return the real part of (1 + jωθ) F_r. It is monotonic in ω."""
     if math.isinf(part.reset_time):
         return 0.0 * w
     share = theta / part.reset_time
@@ -364,17 +372,18 @@ def _reset(part: LinearPart, w: Any, theta: float) -> Any:
 
 
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
-    """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and its frequency, 0 or inf if it is only approached there.
+    """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and its frequency, which is 0 or inf for a limit at an end.
 
-    F must be strictly proper. It must have no poles on the axis, except one at 0.
+    F must be strictly proper, without poles on the axis except a simple pole at 0.
 
     Notes
     -----
-    The dead time turns only (1 + jωθ) F(jω). Its turns are followed wherever its modulus permits a value below the
-    smallest known value. If F has a pole at 0, the real part of F would be a small difference of large numbers at low
-    frequencies. With F = E/s the real part equals Im E/ω, and E has no such pole.
+    `best` is the smallest value so far. The dead time turns only the term (1 + jωθ) F(jω), so its modulus gives a lower
+    bound of the values within each step of the grid. A step is divided only if this bound is below `best`. With a pole
+    of F at 0, the real part of F would be a small difference of large numbers at low frequencies. With F = E/s, the
+    real part of F is Im E/ω, and E has no such pole.
     """
-    # If F has a pole at 0, use the factors of E = s F.
+    # If F has a pole at 0, these are the factors of E = s F.
     axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))
 
     def function(samples: Samples) -> Any:
@@ -413,15 +422,15 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:
-    """Return value at θ = 0 and slope of Re[1 + (1 + jωθ) G(jω)], which is linear in θ."""
+    """Return the value at θ = 0 and the slope of Re[1 + (1 + jωθ) G(jω)] as a linear function of θ."""
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag
-        # At the ends of the axis, two values determine the line.
+    # At the ends of the axis, the line passes through the limits for θ = 1 and θ = 2.
     one, two = (ends(part, theta)[int(w > 0)] for theta in (1.0, 2.0))
     return 2 * one - two, two - one
 
 
 def _below(best: float) -> float:
-    """Return the level below which a value counts as lower."""
+    """Return the level below which a value counts as lower than `best`."""
     return best - NO_LOWER * max(1.0, abs(best))

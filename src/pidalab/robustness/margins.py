@@ -1,4 +1,4 @@
-"""Robustness margins with exact dead time, found on the frequency grid and refined to full precision."""
+"""Compute robustness margins with exact dead time."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable, is_stable
 
-# With dead time, phase crossovers are listed where |L| is larger than this. If none of these has |L| < 1, smaller |L|
-# are included.
+# With dead time, phase crossovers are sought where |L| is above this value. If |L| is at least 1 at all of these
+# crossovers, the search continues at smaller |L|.
 QUIETEST = 0.1
-QUIETEST_GIVEN = 0.1  # in the search for a gain, the turns of the dead time are followed where |L| is larger
-FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this share of the highest frequency
-AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies that are added around a peak, relative to the peak
-MS_RTOL = 1e-6  # largest share by which Ms may exceed the required Ms before the last step
+# In the search for a gain, the grid is divided for the phase of the dead time where |L| is above this value.
+QUIETEST_GIVEN = 0.1
+FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak, relative to the peak
+MS_RTOL = 1e-6  # before the last step, Ms may exceed the required Ms by this relative amount
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
-DROP = 3.0  # decibels by which |T| has fallen at the bandwidth
+DROP = 3.0  # decrease of |T| at the bandwidth, in decibels
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Margins:
         Lower gain margin, the largest factor below 1 that brings a pole to the stability limit (0 if there is none). A
         stable loop with a lower gain margin above 0 is conditionally stable.
     pm : float
-        Phase margin in degrees, the smallest rotation of L in either direction that brings a pole to the stability
+        Phase margin in degrees, the smallest rotation of L, in either direction, that brings a pole to the stability
         limit.
     dm : float
         Delay margin, the smallest extra dead time that brings a pole to the stability limit, over all gain crossovers.
@@ -56,15 +57,15 @@ class Margins:
     ms, mt : float
         Peaks of the sensitivity and of the complementary sensitivity.
     wgc, wpc : float
-        Gain crossover with the smallest phase margin, and phase crossover with the smallest gain margin (NaN if there
-        is none).
+        Gain crossover with the smallest phase margin, and phase crossover with the smallest gain margin. NaN if there
+        is no such crossover.
     wms, wmt : float
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Then only those with \\|L\\| of at least 0.1 are listed, or with a smaller \\|L\\| if none of them is below 1.
-        If the dead time of an unstable loop turns the phase more than about 300,000 times up to there, none are listed,
-        and the gain margins are NaN.
+        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, smaller \\|L\\|
+        are included. In an unstable loop, the dead time may turn the phase more than about 300,000 times where \\|L\\|
+        is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -111,7 +112,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     Returns
     -------
     ms, wms : float
-        The supremum of \\|1/(1 + L(jw))\\| over all frequencies. ``wms`` is inf if the supremum is only approached at
+        The supremum of \\|1/(1 + L(jw))\\| and its frequency. ``wms`` is inf if the supremum is only approached at
         infinite frequency.
 
     Raises
@@ -145,8 +146,8 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Returns
     -------
     mks, wmks : float
-        The supremum of \|C/(1 + L)\| over all frequencies, in units of u per unit of y. ``wmks`` is 0 or inf if the
-        supremum is only approached at this end of the frequency axis.
+        The supremum of \|C/(1 + L)\|, in units of u per unit of y, and its frequency. ``wmks`` is 0 or inf if the
+        supremum is only approached at zero or infinite frequency.
 
     Raises
     ------
@@ -163,7 +164,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # At zero frequency, C S is 1/P with integral action. Without integral action, the grid already contains the value.
+    # With integral action, C S at zero frequency is 1/P. Without integral action, the grid contains the value.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
@@ -197,7 +198,7 @@ def gain_crossovers(loop: Loop) -> Array:
 
 
 def bandwidth(loop: Loop) -> float:
-    r"""Return the bandwidth of the closed loop, the lowest frequency at which \|T\| is 3 dB below its static value.
+    r"""Return the bandwidth of the closed loop: the lowest frequency at which \|T\| is 3 dB below its static value.
 
     Parameters
     ----------
@@ -281,8 +282,8 @@ def margins(loop: Loop) -> Margins:
     Returns
     -------
     Margins
-        Values are accurate to nine digits, frequencies of peaks to six. For an unstable loop ``stable`` is False, and
-        the values are distances from the stability limit.
+        Values are accurate to nine digits, frequencies of peaks to six digits. For an unstable loop ``stable`` is
+        False, and the values are distances from the stability limit.
 
     Raises
     ------
@@ -327,7 +328,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers, these and both ends of the axis, and -L (at least 0) at the latter places."""
+    """Return phase crossovers, the same with both ends of the axis, and max(-L, 0) at the latter frequencies."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -340,7 +341,7 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
         if not unstable:
             raise
         return np.zeros(0), np.zeros(1), np.full(1, math.nan)
-    # L is real at the ends of the axis. An end at which L is negative is also a phase crossover.
+    # L is real at both ends of the axis. If L is negative there, the end counts as a phase crossover.
     places = np.concatenate([[0.0], wpc, [axis.end]])
     return wpc, places, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])
 
@@ -349,9 +350,9 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
 
 
 def gain_for_ms(loop: Loop, ms: float) -> float:
-    r"""Return the factor of the controller's gain with which the loop is stable and has the maximum sensitivity `ms`.
+    r"""Return the factor of the controller gain with which the loop is stable and has the maximum sensitivity `ms`.
 
-    If there are several such factors, return the largest for which smaller factors give a smaller Ms.
+    If there are several such factors, return the largest factor at which Ms rises to `ms` as the gain increases.
 
     Parameters
     ----------
@@ -371,7 +372,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     TypeError
         If the controller is digital.
     ValueError
-        If `ms` is not above 1, or if no factor gives a stable loop that reaches this Ms from below.
+        If `ms` is not above 1, or if there is no such factor.
 
     Examples
     --------
@@ -394,7 +395,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         except ArithmeticError:  # if the phase turns too often, the loop is far from stable
             return False
 
-    # L is real at the ends of the axis. It is not 0 at infinite frequency if process and controller are biproper.
+    # The ends of the axis count, too. At infinite frequency L is not 0 if process and controller are biproper.
     ends = [L for L in (axis.at_zero, axis.at_end) if math.isfinite(L)]
     w = axis.follow(QUIETEST_GIVEN)
     w = w[w <= FAR_SHARE * w[-1]]
@@ -428,6 +429,6 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # If an interval begins above the ends of all earlier intervals, factors just below it are allowed.
+    # If an interval begins above the ends of all preceding intervals, factors just below its start are allowed.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()

@@ -1,4 +1,4 @@
-"""Stability of loops with exact dead time: the number of unstable poles, and the rightmost poles."""
+"""Count unstable poles and find the rightmost poles of loops with exact dead time."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ from pidalab.robustness.axis import Axis
 from pidalab.robustness.in_s import LoopFactors, from_factors, from_roots, loop_factors
 from pidalab.robustness.in_z import axis_of
 
-MOST_NODES = 512  # largest number of nodes of the collocation over the dead time
+MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
-CLUSTER = 8  # largest number of additional poles that are returned so that no cluster is split
-# Poles of a smaller modulus, in 1/dead time, are first computed without dead time, since rounding would hide them in
-# the computation with dead time.
+CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
+# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the rounding errors of the
+# collocation are larger.
 SLOWEST_SURE = 1e-6
 
-ABERTH = 100  # largest number of steps
-SOLVED = 1e-6  # largest residual, or last step relative to the pole, of an accepted pole
+ABERTH = 100  # largest number of steps of Aberth's method
+SOLVED = 1e-6  # largest residual, or last step divided by the pole, of an accepted pole
 
 
 def unstable_poles(loop: Loop) -> float:
     """Return the number of closed-loop poles in the closed right half-plane, by the argument principle.
 
-    The dead time is exact. With a `DigitalController`, poles on or outside the unit circle are counted. The
-    characteristic function D(s) + N(s) e^{-s delay} is not reduced, so a cancelled unstable pole counts.
+    The dead time is exact. For a loop with a `DigitalController`, poles on or outside the unit circle are counted.
+    Common factors of N and D in the characteristic function D(s) + N(s) e^{-s delay} are not cancelled, so a cancelled
+    unstable pole counts.
 
     Parameters
     ----------
@@ -40,15 +41,15 @@ def unstable_poles(loop: Loop) -> float:
     Returns
     -------
     int or float
-        The number. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop has
-        infinitely many poles on or right of the axis, or arbitrarily near it.
+        The number. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency, which has infinitely
+        many poles to the right of the axis, on the axis or arbitrarily near to it.
 
     Raises
     ------
     ValueError
         If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
     ArithmeticError
-        If a root is too close to the contour for the argument to be followed.
+        If a pole is too close to the stability limit to be counted.
 
     Examples
     --------
@@ -62,11 +63,11 @@ def unstable_poles(loop: Loop) -> float:
 
 
 def count_unstable(axis: Axis) -> float:
-    """Count the unstable poles of a loop from its axis."""
+    """Return the number of unstable poles of a loop that is given by its axis."""
     if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
     slowest = axis.grid[0]
-    # A contour that is tilted to the left includes roots on the axis. The last contour also keeps a distance from 0.
+    # A contour that is tilted to the left includes roots on the axis. The last contour also passes 0 at a distance.
     for slope, shift in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
         count = axis.encirclements(slope, shift)
         if count is not None:
@@ -85,7 +86,7 @@ def is_stable(loop: Loop) -> bool:
     Returns
     -------
     bool
-        True if stable. A pole on the imaginary axis, or a chain of poles that approaches it, counts as unstable.
+        True if stable. A pole on the imaginary axis, or a chain of poles that approaches the axis, counts as unstable.
 
     Examples
     --------
@@ -101,9 +102,9 @@ def is_stable(loop: Loop) -> bool:
 def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     """Return the closed-loop poles with the largest real parts, with exact dead time.
 
-    A loop with dead time has infinitely many poles. They are approximated by collocation at Chebyshev points of the
-    dead time, and refined by Newton's method on the characteristic function. The argument principle proves that no
-    pole further right is missing.
+    A loop with dead time has infinitely many poles. The rightmost poles are approximated by collocation at Chebyshev
+    points in the dead time, and refined by Newton's method on the characteristic function. The argument principle
+    proves that no pole further right is missing.
 
     Parameters
     ----------
@@ -116,16 +117,16 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     -------
     ndarray of complex
         Poles in 1/time by falling real part. Multiple poles are repeated. A pole of multiplicity k has only 1/k of the
-        digits.
+        correct digits of a simple pole.
 
     Raises
     ------
     ValueError
         If the loop has fewer poles or is ill-posed.
     ArithmeticError
-        If the argument principle does not confirm the poles. They may be too close to their neighbours, or to the
-        infinite chain of poles of a neutral loop. They may also decay by more than e^20 in a dead time, or belong to
-        frequencies of hundreds of rad per dead time.
+        If the argument principle does not confirm the poles. They may lie too close to their neighbours or to the
+        infinite chain of poles of a neutral loop. They may decay by more than e^20 in a dead time, or have frequencies
+        of hundreds of rad per dead time.
 
     Examples
     --------
@@ -168,9 +169,12 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
 def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     """Return the poles of a loop without dead time by falling real part, and bounds of their errors.
 
-    With many equal lags the coefficients of the characteristic polynomial lose digits. If its roots do not solve the
-    factored equation, Aberth's method refines them. The method may fail for a cluster, such as the poles near a fast
-    filter. A true pole then lies within n Newton steps of each approximate pole.
+    Notes
+    -----
+    With many equal lags, the coefficients of the characteristic polynomial lose digits. If roots of this polynomial do
+    not solve the factored equation, Aberth's method refines them. It may fail for a cluster, for example around the
+    poles of a fast filter. The error bound of a root of a polynomial of order n is then n times the length of the
+    Newton step.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
@@ -184,7 +188,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
             solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
                 np.abs(step) <= SOLVED * np.abs(s)
             )
-            # A zero of L that equals a pole of L is a pole of the loop, although L is 0/0 there.
+            # A zero of L that equals a pole of L is a pole of the loop. There L would be 0/0.
             cancelled = np.isin(s, factors.zeros) & np.isin(s, factors.poles)
             off = np.where(solved | cancelled | (s == 0), 0.0, s.size * np.abs(step))
             if not np.any(off):
@@ -196,9 +200,9 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
 
 
 def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
-    """Return L, and the step of Newton's method on D + N, from the factors."""
+    """Return L and the step of Newton's method on D + N at s, computed from the factors of L."""
     from_zeros, from_poles = s[:, None] - factors.zeros, s[:, None] - factors.poles
-    # Combine the factors one by one, since their products may overflow.
+    # Factors of numerator and denominator are combined in pairs, since their products may overflow.
     pairs = min(factors.zeros.size, factors.poles.size)
     value = factors.gain * np.prod(from_zeros[:, :pairs] / from_poles[:, :pairs], axis=1)
     value = value / np.prod(from_poles[:, pairs:], axis=1)
@@ -207,7 +211,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if the argument principle counts `last` poles right of a line just left of the first `last` poles."""
+    """Return True if the first `last` poles are all poles to the right of a line, by the argument principle."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
@@ -235,13 +239,18 @@ def _factors_in_dead_times(loop: Loop) -> LoopFactors:
 
 
 def _collocation(loop: Loop, nodes: int) -> Any:
-    """Return the eigenvalues of the loop with its dead time as a transport equation at Chebyshev points."""
+    """Return approximate poles of a loop whose dead time is the unit of time.
+
+    Notes
+    -----
+    The signal in the dead time is a travelling wave. Sampled at Chebyshev points, the wave is the state of a linear
+    system without dead time. The eigenvalues of this system approximate the poles of the loop. For slow poles few
+    points suffice.
+    """
     num, den = open_loop(loop)
     order = len(den) - 1
     direct = num[0] / den[0] if len(num) == len(den) else 0.0
     c = np.append(np.zeros(len(den) - len(num)), num)[1:] / den[0] - direct * den[1:] / den[0]
-    # The signal in the dead time is a travelling wave. Sampled at Chebyshev points, it becomes a linear system without
-    # delay. Its eigenvalues approximate the poles of the loop. Slow poles need the fewest points.
     A = np.eye(order, k=-1)
     A[:1] = -den[1:] / den[0]
     k = np.arange(nodes + 1)
@@ -274,11 +283,12 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
-        # Far right of the axis only rounding remains of `value`, because of the dead time.
+        # Far right of the axis the dead time makes `forward` negligible, and `value` is only rounding. Then the length
+        # of the step decides.
         still = np.abs(step) <= 1e-9 * np.abs(s)
         is_near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
-        # In a cluster the method diverges when value and slope are only rounding.
+        # In a cluster Newton's method diverges when value and slope consist only of rounding errors.
         s = np.where(is_near & (np.abs(value) <= 10 * least), s, best)
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
@@ -286,19 +296,19 @@ def _polished(loop: Loop, approximate: Any) -> Any:
 
 
 def _sorted(poles: Any) -> Any:
-    """Sort poles by falling real part. Keep pairs together, with the pole above the axis first."""
+    """Sort poles by falling real part. Complex pairs stay together, the pole with positive imaginary part first."""
     return poles[_order(poles)]
 
 
 def _order(poles: Any) -> Any:
-    """Return the places of the poles in the order of `_sorted`."""
+    """Return the indices that sort poles as in `_sorted`."""
     unit = np.exp2(np.ceil(np.log2(np.maximum(np.abs(poles), 1e-300))))
     real, height = (np.round(part / unit, 13) * unit for part in (poles.real, np.abs(poles.imag)))
     return np.lexsort((-poles.imag, -height, -real))
 
 
 def _whole_pairs(poles: Array, count: int) -> int:
-    """Return the smallest number, at least `count`, that does not split a complex pair."""
+    """Return `count`, or `count` + 1 if the first `count` poles would split a complex pair."""
     if count >= poles.size:
         return poles.size
     last, following = poles[count - 1], poles[count]

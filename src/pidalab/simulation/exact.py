@@ -1,23 +1,22 @@
-r"""Exact simulation of linear loops with dead time.
+r"""Simulate linear loops with dead time exactly.
 
-If the loop is opened at its dead time h, its equations are x' = A x + b w, v = c_v x + d_v w and w(t) = v(t - h).
+A loop that is opened at its dead time h has the equations x' = A x + b w, v = c_v x + d_v w and w(t) = v(t - h).
 Usually one signal is delayed. With a filter that is very much faster than the plant there are three delayed signals,
-and matrices replace b, c_v and d_v. Stack the state with its own past, (x(t), x(t - h), x(t - 2h), ...). Between
+and matrices replace b, c_v and d_v. Stack the present and the past states, (x(t), x(t - h), x(t - 2h), ...). Between
 multiples of h this stack obeys an ordinary linear differential equation. The matrix of this equation is block Toeplitz,
 that is, a power series in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
-So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi_j(\tau) z^j = e^{\mathcal A(z)\tau}`,
-without any approximation as long as no multiple of h lies strictly between t and t + tau. The simulation has four
-steps:
+So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi_j(\tau) z^j = e^{\mathcal A(z)\tau}`.
+This equation is exact if no multiple of h lies strictly between t and t + tau. The simulation has four steps:
 
 1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring. The unit matrix is left out,
    so that slow states keep their digits next to fast states.
 2. Compute the states at the multiples of h, one after the other.
 3. Advance the stack at each multiple to the first requested time after the multiple, by powers and by a Taylor series
    for the remainder.
-4. Compute the outputs at runs of requested times as products of a stack and a matrix.
+4. Compute the outputs at several successive requested times at once, as a product of a stack and a matrix.
 """
 
 from __future__ import annotations
@@ -41,30 +40,33 @@ from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
 from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
 # A response is checked if the dead time spans more than this number of time constants of the fastest state, since
-# digits may then cancel. Without dead time, the whole response must not span more.
+# digits may then cancel. Without dead time, the simulated time counts instead.
 CHECKED_FROM = 3e3
-# Units of time and u for the second response. The other units are used if the first two responses do not decide.
+# A second response is computed with the first of these units of time and u. If the comparison with the first response
+# does not decide, the next units are used.
 OTHER_UNITS = (1.3, 0.6, 2.2)
-FEWEST_COMPARED = 64  # least number of time steps for which two responses are compared
-DENSE = 10_000  # before a response is refused, its size is computed at no fewer than this number of times
-# Allowed difference of two responses, relative to the largest value of the signal. Nine digits are promised.
+FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared
+DENSE = 10_000  # before a response is refused, its size is computed at this number of times or more
+# Allowed difference of two responses, divided by the largest value of the signal. Nine digits are promised.
 AGREEMENT = 1e-10
 # If the difference of two responses is smaller, no third response is needed, since equal errors are unlikely.
 CERTAIN = 1e-12
-# Allowed difference, relative to the largest value outside kicks, or to the largest value at the requested times.
+# Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times.
 OUTSIDE_KICKS = 1e-6
 KICK_DURATION = 60.0  # a kick lasts this number of time constants of a fast state
-# Times are rounded to 1e-16. After this number of time constants of the fastest state, a time is too inexact to tell
-# the value within a kick.
+# Times are rounded to 1e-16 of their value. At times beyond this number of time constants of the fastest state, the
+# rounded time no longer determines the value within a kick.
 KICK_UNRESOLVED = 1e5
 
 
-# The inputs and grids of each loop for which the response has been found exact enough.
+# For each loop, the inputs and grids with which a response has passed the check.
 AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary()
 
 
 def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
-    """Return y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n).
+    """Compute and check y, its running integral and u at n times from 0, for a unit step on each input.
+
+    The shape of the result is (inputs, 3, n).
 
     Raises
     ------
@@ -73,9 +75,10 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
 
     Notes
     -----
-    The speeds of a loop do not tell how many digits cancel. The response of a stiff loop is therefore computed again in
-    other units that are not powers of 2. Every coefficient, state and power then rounds differently, and the powers
-    begin at half the time. If both responses agree to ten digits, neither has lost seven of its sixteen digits.
+    The number of digits that cancel does not follow from the speeds of a loop. So the response of a stiff loop is
+    computed again in other units. The ratio of the units is not a power of 2, so that every coefficient, state and
+    power is rounded differently. The shortest power then spans half the time. If both responses agree to ten digits,
+    neither has lost seven of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
@@ -98,7 +101,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
     """Return the cut loop, a bound of its norm, and True if digits may cancel."""
     cut = cut_at_delay(loop, inputs)
     norm = norm_over(cut, n, step)
-    # Without dead time the cut loop is closed, and its blocks may be faster than its poles.
+    # Without dead time the cut loop is closed, and the poles of its blocks may be faster than its own poles.
     speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
     return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
 
@@ -106,7 +109,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
 def _require_agreement(
     loop: Loop, inputs: str, cut: Cut, norm: float, values: Array, step: float, finer: int
 ) -> None:
-    """Raise an error if responses in other units differ. Every `finer`-th of the times was requested."""
+    """Raise an error if responses in other units differ. Every `finer`-th of the times in `values` was requested."""
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
@@ -126,7 +129,7 @@ def _require_agreement(
         beside_shown = np.maximum(beside_shown, np.max(difference[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    # The digits may be sufficient only in comparison with larger values between the requested times.
+    # The difference may be small only in comparison with larger values between the requested times.
     hidden = uncertain.max() <= AGREEMENT
     share, allowed = (beside_shown, OUTSIDE_KICKS) if hidden else (uncertain, AGREEMENT)
     if share.max() <= allowed:
@@ -161,11 +164,11 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
 
     Notes
     -----
-    The size at a time is the largest value of the signal until one dead time later. So a growing response must be exact
-    from the start, but a response that begins with zeros need not be exact at the zeros. Compared with a kick of 1e13,
-    any error after the kick would be negligible. Values outside kicks are therefore also compared with the largest
-    value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead time do not count,
-    because a value within a kick is only as exact as its time.
+    The size at a time is the largest value of the signal from t = 0 until one dead time later. So a growing response
+    must be exact from the start, but a response that begins with zeros need not be exact at the zeros. A difference
+    after a kick of 1e13 would be negligible in comparison with the kick. So values outside kicks are also compared with
+    the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead time do
+    not count, because a value within a kick is only as exact as its time.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -205,8 +208,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, or if the response of an unstable loop overflows. Also if \\|L\\| is near 1 or above
-        at infinite frequency and the times span too many dead times, because the response depends on all of them.
+        If the loop is ill-posed, or if the response of an unstable loop overflows. If \\|L\\| is near 1 or above at
+        infinite frequency, the response depends on all past dead times, and their number must not be too large.
 
     Examples
     --------
@@ -229,7 +232,7 @@ def simulate(
     """Simulate a linear loop exactly, including its dead time.
 
     The loop is at rest before t = 0. There is no Padé approximation and no interpolation. The values are those of the
-    continuous-time loop at the requested times, which need not be aligned with the dead time.
+    continuous-time loop at the requested times. The dead time need not be a multiple of the time step.
 
     Parameters
     ----------
@@ -238,7 +241,7 @@ def simulate(
     t : array_like, shape (n,)
         Uniform times that start at 0.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        A number is a step at t = 0. An array is held from each sample to the next.
+        A number is a step at t = 0. The values of an array are held from each sample to the next.
 
     Returns
     -------
@@ -248,8 +251,8 @@ def simulate(
     Raises
     ------
     ValueError
-        If the times are not uniform from 0, a signal has another length or contains NaN, or the loop is ill-posed. Also
-        if the control signal exceeds the limits of the controller, since saturation is not simulated here.
+        If the times are not uniform from 0, if a signal has another length or contains NaN, or if the loop is
+        ill-posed. The control signal must stay within the limits of the controller, since saturation is not simulated.
 
     Examples
     --------
@@ -267,7 +270,7 @@ def simulate(
 def simulate_ensemble(
     loop: Loop, t: ArrayLike, noise: ArrayLike, *, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
 ) -> list[Response]:
-    """Simulate an experiment with several records of noise. This takes little more time than a single record.
+    """Simulate an experiment with several records of noise. This takes little more time than with one record.
 
     Parameters
     ----------
@@ -355,8 +358,9 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     changes = np.diff(signal, prepend=0.0)
     from scipy.signal import fftconvolve
 
-    # The rounding errors of an FFT convolution are relative to its largest value. So a growing response is damped
-    # before the convolution and restored afterwards. Its errors are then relative to the largest value so far.
+    # The rounding errors of an FFT convolution are proportional to its largest value. A growing response is damped
+    # before the convolution and restored afterwards, so that the errors are proportional to the largest value up to
+    # each time.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
     middle = (t.size - 1) // 2
     rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
@@ -429,7 +433,7 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
 
 
 def open_loop_step(process: Process, t: ArrayLike) -> Response:
-    """Simulate a step experiment for identification, in which the input steps from 0 to 1 without feedback.
+    """Simulate a step experiment for identification. The process input steps from 0 to 1, without feedback.
 
     Parameters
     ----------
@@ -464,7 +468,7 @@ def _as_input(final: float | None, record: Response) -> Response:
 
 
 SETTLING_POINTS = 4001
-HORIZON_DOUBLINGS = 13  # with so many doublings even a loop ten thousand times slower than expected settles
+HORIZON_DOUBLINGS = 13  # enough for a loop that is 8,000 times slower than expected
 
 
 def simulate_until_settled(
@@ -479,8 +483,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. It is doubled until the error has decayed. Ends up to twice the dead time
-        are skipped, since the loop has not reacted by then.
+        End of the first simulation, above 0. The end is doubled until the error has decayed. Ends of at most twice the
+        dead time are skipped, since the loop has hardly reacted by then.
 
     Returns
     -------
@@ -490,7 +494,7 @@ def simulate_until_settled(
     Raises
     ------
     ValueError
-        If the horizon is not above 0, or if the response does not settle or needs too many dead times to settle.
+        If the horizon is not above 0, or if the response does not settle within a permitted number of dead times.
 
     Examples
     --------

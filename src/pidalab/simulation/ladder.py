@@ -1,27 +1,27 @@
-"""Step responses of a loop with dead time, computed from dead time to dead time (see `pidalab.simulation.exact`).
+"""Compute step responses of a loop with dead time, one dead time after the other (see `pidalab.simulation.exact`).
 
-A *stack* is a row of states at distances of one dead time, oldest first, so that the present state is the last one. The
-*age* of a state is its distance from the present in dead times, and a stack of m ages has m states. A *power* is the
-matrix exponential of the loop over the time step times a power of 2, less the unit matrix. Powers are elements of the
-ring in `pidalab.simulation.ring`. The *reach* of a power is the number of ages that it reads.
+A *stack* is a row of states at distances of one dead time, with the present state last. The *age* of a state is its
+distance from the present in dead times, and a stack of m ages has m states. A *power* is the matrix exponential of the
+loop, less the unit matrix, for a time of step * 2^p. Powers are elements of the ring in `pidalab.simulation.ring`. The
+*reach* of a power is the number of ages that the power reads.
 
 Notes
 -----
 *Length of a stack.* A power of reach R computes the new state of age a from the old states of ages a to a + R - 1
-only. So the youngest m new states depend on the youngest m + R - 1 old states. Every stack is truncated by this rule.
-The computation begins with the number of ages that the outputs read, and each power that is still to be applied adds
-its reach less 1. No stack goes back beyond t = 0, because all earlier states are 0. So truncation adds no error.
+only. So the youngest m new states depend on the youngest m + R - 1 old states. Every stack is truncated by this rule:
+its length is the number of ages that the outputs read, plus R - 1 for each power that is still to be applied. No stack
+goes back beyond t = 0, because all earlier states are 0. So this truncation adds no error.
 
-*Error bound.* If one power is applied r times, the length of the stack is not computed from r times its reach. The
-binary digits of r select higher powers with the same product, and the length is computed from the reaches of these. The
-sum of these reaches is smaller, because each power drops its last coefficients when it is formed, namely those below
-`DROPPED` times its largest coefficient. A stack of this length lacks only the contribution of the dropped coefficients
-to its oldest states. Outputs also ignore the ages that they read by less than the same share. The total error is at
-most the product of five numbers, in the balanced units of the states. These are `DROPPED`, the number of powers, the
-largest coefficient of a power, the gain of the other powers, and the largest old state. This bound is far below
-rounding unless coefficients or states are 1e10 times as large as the requested values. In that case rounding destroys
-the digits first, and `checked_responses` detects the loss. `checked_responses` does not detect truncation, since
-responses in other units are truncated equally.
+*Error bound.* When one power is applied r times, its reach is not counted r times. The binary digits of r select higher
+powers with the same product, and the length is computed from the reaches of these higher powers. The sum of their
+reaches is smaller, because each power drops its last coefficients when it is formed (see `ring.shortened`). A stack of
+this length lacks only the contribution of the dropped coefficients to its oldest states. Outputs, too, ignore the
+oldest ages if their coefficients are below `DROPPED` times the largest coefficient. The total error, in the balanced
+units of the states, is at most the product of five factors: `DROPPED`, the number of powers, the largest coefficient of
+a power, the gain of the other powers and the largest old state. This bound is far below rounding unless coefficients or
+states are 1e10 times as large as the requested values. In that case rounding destroys the digits first, and
+`checked_responses` detects the loss. `checked_responses` does not detect truncation, since responses in other units are
+truncated equally.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from pidalab.simulation.stacks import (
     summed,
 )
 
-MAX_STACK = 4000  # largest number of elements in a stack; a longer stack would be too slow
-MAX_WORK = 4e9  # largest number of multiplications, which take a few seconds
-MAX_ANCHORS = 1e7  # largest number of stored state variables, over all multiples of the dead time
+MAX_STACK = 4000  # largest number of state variables in a stack; a longer stack takes too long
+MAX_WORK = 4e9  # largest number of multiplications; this number takes a few seconds
+MAX_ANCHORS = 1e7  # largest number of state variables at all multiples of the dead time together
 LONGEST_RUN = 8  # usually at most 2**8 requested times are read from one stack
-# One Taylor series replaces this number of the lowest powers when a stack is advanced. The series takes less time than
-# three powers. Its terms are at most e^4 times the states, so rounding costs less than two digits.
+# When a stack is advanced, one Taylor series replaces this number of the lowest powers, since the series is faster. The
+# terms of the series are at most e^4 times the states, so that rounding costs less than two digits.
 SERIES = 3
 # Number of multiples of the dead time for which derivatives are stored, in addition to those that a stack reads.
 KEPT_INTERVALS = 64
@@ -59,11 +59,11 @@ DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
 
 class ManyDeadTimes(ValueError):
-    """Raised if the requested times span too many dead times to simulate each in turn."""
+    """Raised if the requested times span too many dead times to simulate one dead time after the other."""
 
 
 def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
-    """Return y, its running integral and u at n times from 0, for a unit step on each input: (inputs, 3, n).
+    """Compute y, its running integral and u at n times from 0, for a unit step on each input. Shape: (inputs, 3, n).
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
     n : int
         Number of times.
     step : float
-        Distance of the times.
+        Time from one requested time to the next.
     norm : float
-        Value of `norm_over`, or a larger number. A larger number makes the time step of the lowest power shorter.
+        Value of `norm_over`, or a larger number, which makes the lowest power shorter.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
 
 
 def _intervals(cut: Cut, n: int, step: float) -> int:
-    """Return how many dead times end within n times."""
+    """Return the number of multiples of the dead time, from the first, within the n requested times."""
     spanned = (n - 1) * step / cut.delay if cut.delay else 0.0
     if not spanned * cut.x0.shape[0] < MAX_ANCHORS:
         raise ManyDeadTimes(_too_many(spanned))
@@ -105,7 +105,7 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Return an upper bound of the norm of the block Toeplitz matrix, for all ages that occur within n times."""
+    """Return an upper bound of the norm of the block Toeplitz matrix, for all ages within the n requested times."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
@@ -126,23 +126,25 @@ def _too_many(intervals: float) -> str:
 
 @compiled
 def _responses(cut, step, n, intervals, norm):
-    """Return step responses at n times, the number of ages that outputs read, and a status.
+    """Compute step responses at n times. Return them with the number of ages that the outputs read, and a status.
 
     Notes
     -----
-    Row i of `states` holds the states for input i at all multiples of the dead time, one after the other: element
-    k * size + j is state variable j at the multiple k. Row (i, m) of `terms` holds the derivatives of order m times
-    delta^m / m! in the same order, but its first multiple is `start`. The loop over k keeps these invariants:
+    The multiple k is the time k * delay, and the interval k is the time from the multiple k to the multiple k + 1. The
+    number states[i, k * size + j] is state variable j at the multiple k, for input i. The number
+    terms[i, m, (k - start) * size + j] is the derivative of order m of this variable, times delta^m / m!. The loop
+    over k keeps these invariants:
 
-    * When the pass for k begins, the outputs at all requested times below k dead times are computed, and `first` is
+    * When the pass for k begins, the outputs at all requested times before the multiple k are computed, and `first` is
       the index of the next requested time.
     * `terms` holds all derivatives that a stack of `deepest` ages at the multiple k reads.
-    * The stack at the first requested time of an interval is computed in two parts. A Taylor series spans a share of
-      delta from the multiple k. Powers then span a whole number of deltas, whose binary digits select the powers.
+    * The stack at the first requested time of an interval is computed in two parts. A Taylor series spans the time
+      share * delta from the multiple k. Powers then span the time count * delta: the binary digits of the whole number
+      `count` select the powers.
     * Each stack has only the ages that the outputs read from this stack and from the later stacks of the interval.
 
-    The outputs at `run` successive times are one product of the stack and `rows`. The module
-    `pidalab.simulation.exact` describes the method.
+    A run is a number of successive requested times whose outputs are computed at once, as one product of a stack and
+    `rows`. The module `pidalab.simulation.exact` describes the method.
     """
     A, B, Cv, D, delay = cut.A, cut.B, cut.Cv, cut.D, cut.delay
     size, inputs = cut.x0.shape
@@ -150,11 +152,12 @@ def _responses(cut, step, n, intervals, norm):
     inside = n - 1  # number of steps in a dead time
     if delay > 0.0:
         inside = int(min(delay / step * (1.0 + 1e-12), 1e15))
-    # A long run needs many rows, and short runs need many stacks. Runs of about sqrt(n / 3) times need the least work.
+    # A long run needs many `rows`, and short runs need many stacks. Runs of about sqrt(n / 3) times need the least
+    # work.
     run_bits = 0
     while run_bits < LONGEST_RUN and 2.0 * 4.0**run_bits <= n / 3.0 + 1.0:
         run_bits += 1
-    # The highest power spans a run of times or, with dead time, as many steps as fit into the dead time.
+    # The highest power spans a run or, with dead time, at most one dead time.
     top = run_bits
     if delay > 0.0:
         top = 0
@@ -166,7 +169,7 @@ def _responses(cut, step, n, intervals, norm):
     powers, low = ladder(A, B, Cv, D, norm, step, top, most)
     if len(powers) == 0:
         return result, 0, TOO_LARGE
-    # The Taylor series that advances a stack spans at most delta. It ends where its terms are negligible.
+    # The Taylor series that advances a stack spans less than delta. It ends where its terms are negligible.
     spanned = min(SERIES, -low)
     bits = min(-low, len(powers))  # no distance is longer than a step or a dead time
     delta = step * 2.0 ** (low + spanned)
@@ -203,8 +206,8 @@ def _responses(cut, step, n, intervals, norm):
                 reached = row[place + size : min(row.size, place + size + across.shape[1])]
                 add_rows(reached, row[place : place + size], across, 0, 0)
 
-    # Compute the rows by which the outputs read a stack, and the number of ages that each stack needs. All times of an
-    # interval form one run if that is at most 1.5 times the usual run, since one run saves a second stack.
+    # All times of an interval form one run if this run has at most 1.5 times the usual length, because a single run
+    # needs no second stack.
     run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**run_bits else 2**run_bits
     rows = output_rows(cut.C, cut.direct, Cv, D, cut.settled_u, most, run, powers, -low)
     outputs = rows.shape[1] // run
@@ -217,7 +220,7 @@ def _responses(cut, step, n, intervals, norm):
         deepest += powers[p].shape[1] // size - 1
     deepest = min(deepest, intervals + 1)
 
-    # `terms` holds derivatives of the states at the latest multiples, as far back as a stack reads.
+    # `terms` holds derivatives at the latest multiples only, as far back as a stack reads.
     room = min(intervals + 1, deepest + KEPT_INTERVALS)
     terms = np.zeros((inputs, series + 1, room * size))
     delayed = np.zeros((inputs, series + 1, B.shape[1]))
@@ -242,7 +245,7 @@ def _responses(cut, step, n, intervals, norm):
         last = n if k == intervals else min(n, first_time(k + 1, step, delay))
         if first >= last:
             continue
-        # The first time is `distance` after the multiple. The series spans `share` deltas, the powers `count`.
+        # The first requested time is `distance` = (count + share) * delta after the multiple.
         distance = distance_after(k, first, step, delay)
         count = np.floor(distance / delta)
         share = distance / delta - count
@@ -277,8 +280,9 @@ def _responses(cut, step, n, intervals, norm):
                     if outputs > 3 and distance + step * (begin + m - first) > cut.settling:
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
-                    # At a multiple, u is read just before a jump can move the fast part. So its settled value is used,
-                    # without the state at t = 0, which is the jump. All other states that the outputs read count.
+                    # At a multiple of the dead time, u is read just before a jump can act on the fast part. So the
+                    # settled value of u is used. It contains all states that the outputs read, except the state at t =
+                    # 0, which is the jump itself.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size

@@ -1,10 +1,10 @@
-"""State-space form of a loop that is opened at its dead time.
+"""Convert a loop that is opened at its dead time to state-space form.
 
 Each block is driven by the preceding blocks. The order is process, integral of the process output, prefilter, and
 controller with output filter. A derivative filter that is much faster than the plant would compute s^2 y as a
 difference of nearly equal states. The states of such a fast part are therefore replaced by their distances from their
-quasi-steady values under the slow signal. The quasi-steady output of the fast part is read from the slow states. It is
-the transfer function of the fast part, evaluated at the matrix of the slow states.
+quasi-steady values under the slow signal. The quasi-steady output of the fast part is the transfer function of this
+part, evaluated at the matrix of the slow states.
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
 
-# Number of ages of states that a fast part reads. Older states are negligible after so many passes through its filter.
+# Number of states, one dead time apart, that a fast part reads. Older states are negligible, since they have passed
+# through the filter of the part at least this number of times.
 AGES = 8
 
 
 def without_slow_parts(
     slow: tuple[Part, ...], first: tuple[Array, Array], second: tuple[Array, Array], fast: tuple[Part, ...]
 ) -> tuple[Any, Any]:
-    """Return numerator and poles of two fractions in series without their slow parts.
+    """Return numerator and poles of the product of two fractions, less the sum of its slow parts.
 
-    The numerator without the slow parts is divided by the slow poles. The division begins at the highest power, which
-    belongs to the fast terms, so that no small difference of large numbers is formed.
+    The slow parts are first subtracted in the numerator, which is then divided by the polynomial of the slow poles. The
+    division begins at the highest power, which belongs to the fast terms, so that no small difference of large numbers
+    is formed.
     """
     num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
     poles = np.concatenate([part.poles for part in fast])
@@ -56,7 +58,7 @@ def without_slow_parts(
 
 
 def times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
-    """Return row @ H(matrix) for a fraction H, by Horner's rule for the numerator and one solution for each pole."""
+    """Return row @ H(matrix) for a fraction H, by Horner's rule and by one linear system for each pole."""
     value = np.zeros(row.size, dtype=complex)
     for coefficient in num:
         value = value @ matrix + coefficient * row
@@ -73,10 +75,11 @@ def times_ring_function(
     poles: Any,
     dead_time: bool,
 ) -> Array:
-    r"""Return (row + direct W) H(A(z)) for a fraction H, age by age.
+    r"""Return (row + direct W) H(A(z)) for a fraction H: one row of coefficients for each age of the state x.
 
-    This is the output of a block H that is much faster than its input, the signal row x + direct W. It is computed as
-    in `times_function`, with the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop and its past.
+    The result is the output of a block H that is much faster than its input, the signal row x + direct W. The algorithm
+    is that of `times_function`, with the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop, which
+    includes the past states.
     """
     A, B, Cv, D = delayed
     if not dead_time:
@@ -108,21 +111,21 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
     return np.array(read)
 
 
-# A part of the controller is decoupled if two conditions hold. Its slowest pole is more than FASTER times as fast as
-# the fastest state that drives the part. The loop gain at the speed of this state is below HIGH_GAIN, since the plant
-# acts as a chain of integrators in a much faster loop. With FASTER = 100, a filter 50 times faster than its plant would
-# not be decoupled. Its kick of 1e5 times y would be a difference of nearly equal states. Then u after a step of the
-# load had errors of up to 5e-8 of its largest value.
+# A part of the controller is decoupled if two conditions hold. First, its slowest pole is more than FASTER times as
+# fast as the fastest state that drives the part. Second, the loop gain at the speed of this state is below HIGH_GAIN.
+# With a higher gain the loop would be much faster, and the plant would act as a chain of integrators. With FASTER =
+# 100, a filter 50 times faster than its plant would not be decoupled. Its kick of 1e5 times y would be a difference of
+# nearly equal states, and u after a step of the load had errors of up to 5e-8 of its largest value.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# Parts that are faster by the factor STIFF may be kept out of the process. All other parts then count as slow.
+# Parts that are more than STIFF times as fast may be kept out of the process. All other parts then count as slow.
 STIFF = 100.0
-# A part that is faster by VERY_STIFF is kept out of the process if its kicks change the process output by less than
-# SENDS_LITTLE. After such a part has settled, u is read from the past and present states that drive the part, because
-# the rounding of the states of the part grows with the factor. The effect of the fast states on the process is then
-# neglected, since it decreases with the square of the factor.
+# Parts that are more than VERY_STIFF times as fast are kept out of the process if their kicks change the process output
+# by less than SENDS_LITTLE. After such a part has settled, u is read from the past and present states that drive the
+# part, because the rounding of the states of the part grows with the ratio of the speeds. The effect of the fast states
+# on the process is then neglected, since this effect decreases with the square of the ratio.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
-# Number of time constants after which a mode is negligible, even if it began as 1e7 times u.
+# Number of time constants after which a mode is negligible, even if its first value is 1e7 times u.
 FADED_AWAY = 60.0
 
 
@@ -141,8 +144,8 @@ class Cut(NamedTuple):
     direct: Array  # (3, channels)
     x0: Array  # (n, inputs), the state just after a unit step on each input
     delay: float
-    # (ages, n), rows by which u reads x(t), x(t - delay), ... after the fast part of u has settled. There are no rows
-    # if no fast part is kept out of the process.
+    # (ages, n), coefficients of x(t), x(t - delay), ... in u after the fast part of u has settled. There are no rows if
+    # no fast part is kept out of the process.
     settled_u: Array
     settling: float  # time after a multiple of the delay in which the fast part settles
 
@@ -155,16 +158,16 @@ class _Blocks(NamedTuple):
     delay: float
 
 
-# Channels of the dead time. The first is the process input. If fast parts of the controller are kept out of the
-# process, the first channel lacks their contribution, the second is the error that drives the fast parts, and the third
-# is their contribution to the process output.
+# Channels of the dead time. INPUT is the process input. If fast parts of the controller are kept out of the process,
+# there are two more channels, and INPUT lacks the contribution of the fast parts. ERROR is then the error that drives
+# the fast parts, and RUSH is their contribution to the process output.
 INPUT, ERROR, RUSH = range(3)
 
 
 class _States:
-    """States x of the cut loop, block by block: x' = A x + B W, with the signals W at the end of the dead time.
+    """Equations of the cut loop, to which blocks are appended: x' = A x + B W.
 
-    A signal of the loop is a row of coefficients of x and W.
+    W are the signals at the end of the dead time. A signal of the loop is a row of coefficients of x and W.
     """
 
     def __init__(self, size: int, inputs: int, channels: int) -> None:
@@ -174,7 +177,7 @@ class _States:
         self.used = inputs
 
     def signal(self, place: int) -> Array:
-        """Return the signal at one place of x and W. For the place -1 return the signal 0."""
+        """Return the signal with one index in x and W. For the index -1, return the signal 0."""
         row = np.zeros(self.moves.shape[1])
         if place >= 0:
             row[place] = 1.0
@@ -193,10 +196,10 @@ class _States:
         return row
 
     def append_decoupled(self, part: Part, source: Array, driving: int) -> tuple[slice, Array]:
-        """Append a fast part by the distances of its states from their quasi-steady values X x.
+        """Append a fast part, whose states are stored as distances from their quasi-steady values X x.
 
-        The first `driving` states, x, drive the part. Return the places of the distances, and X. The output of the part
-        is c (X x + distance).
+        The first `driving` states of the loop, here called x, drive the part. Return the indices of the distances, and
+        X. The output of the part is c (X x + distance).
 
         Notes
         -----
@@ -204,7 +207,7 @@ class _States:
         A X - X A_x = -b row, the distance q - X x is driven only by jumps and by the delayed signals.
         """
         x, places = slice(driving), slice(self.used, self.used + part.b.size)
-        # A Schur form would lose digits, because the speeds differ so much. So one large linear system is solved.
+        # One large linear system is solved, because a Schur form would lose digits if the speeds differ so much.
         n = part.b.size
         sylvester = np.zeros((driving, n, driving, n))
         for i in range(driving):
@@ -222,9 +225,9 @@ class _States:
 
 @lru_cache(maxsize=64)
 def cut_at_delay(loop: Loop, inputs: str, unit: float = 1.0) -> Cut:
-    """Open the loop at its dead time. `inputs` names the step inputs that are kept, out of "r", "d" and "n".
+    """Open the loop at its dead time. `inputs` names the step inputs: letters out of "r", "d" and "n".
 
-    The unit of time of the cut is `unit` times that of the loop, and its u is `unit` times as large.
+    In the cut loop, the unit of time is `unit` times that of the loop, and u is `unit` times as large.
 
     Raises
     ------
@@ -258,22 +261,23 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
 
     Notes
     -----
-    States are appended in the order step inputs, process, integral of y, prefilter, slow parts of the controller, fast
-    parts. Each block is driven by the preceding blocks only. Each signal is a row of coefficients of states and delayed
-    signals, and any block that is appended later can read the signal.
+    States are appended in this order: step inputs, process, integral of y, prefilter, slow parts of the controller,
+    fast parts. Each block is driven by the preceding blocks only. Each signal is a row of coefficients of states and
+    delayed signals, and any block that is appended later can read the signal.
 
     The poles of a fast part of the controller are much faster than all states that drive the part. There are three
     cases:
 
     * Without fast parts, u is the sum of the slow parts and of the direct feedthrough times the error.
-    * A fast part is usually decoupled. The states of the part are stored as distances from X x, and u reads the slow
-      states by H(A_x), the transfer function of the fast part evaluated at the matrix of the slow states.
+    * A fast part is usually decoupled. The states of the part are stored as distances from X x (see
+      `append_decoupled`). Then u contains the slow states times H(A_x), the transfer function of the fast part
+      evaluated at the matrix of the slow states.
     * A very stiff part is kept out of the process. The kicks of such a part are up to 1e8 times as large as their
-      effect on the process output, so that they would cancel in the process. The dead time then has three channels. The
-      second channel drives the process with the quasi-steady effect of the part, and the third adds the effect of the
-      fast states to the process output.
+      effect on the process output, so that large numbers would cancel in the process. The dead time then has three
+      channels. The channel ERROR drives the process with the quasi-steady effect of the part, and the channel RUSH adds
+      the effect of the fast states to the process output.
 
-    Without dead time the loop is closed at the end: W = Cv x + D W.
+    Without dead time the loop is closed at the end, by the equation W = Cv x + D W.
     """
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
@@ -299,14 +303,14 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # The quasi-steady effect on the process is the fast transfer function, evaluated at the matrix of the process.
+        # The quasi-steady effect on the process is the transfer function of the fast parts at the process matrix.
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
     filtered = states.append_series(prefilter, states.signal(r), prefilter.d)
     error, driving = filtered - y - states.signal(n), states.used
     u = direct * error
-    if fast:  # the direct feedthrough is part of what is read from the slow states below
+    if fast:  # the transfer function of the fast parts contains the direct feedthrough, and is added below
         u[:size] = 0.0
     for part in parts[:slow]:
         u += states.append_series(part, error)
@@ -321,7 +325,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
             if apart:
                 rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
-    # A fast part that is kept apart acts on the process through its own channel.
+    # A fast part that is kept out of the process acts on the process output through the channel RUSH.
     v = (u if apart else rows[2]) + states.signal(d)
     Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
     if apart:
@@ -352,7 +356,7 @@ def _balanced(cut: Cut) -> Cut:
     """Change the units of the states so that rows and columns of |A| + |B| |Cv| are of similar size.
 
     The units are powers of 2, so that nothing is rounded. With rows and columns of similar size, a coefficient that is
-    a small share of the largest coefficient is negligible for every state.
+    much smaller than the largest coefficient is negligible for every state.
     """
     scale = dgebal(np.abs(cut.A) + np.abs(cut.B) @ np.abs(cut.Cv), scale=1)[3]
     return cut._replace(
@@ -369,8 +373,8 @@ def _balanced(cut: Cut) -> Cut:
 def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
     """Return True if the kicks of very fast parts have almost no effect on the output of the process.
 
-    The height of a kick is the direct feedthrough, or the gain of controller and output filter at the speed of a part
-    if that is larger. `driving` is the speed of the fastest state that drives the parts.
+    The height of a kick is the larger of two numbers: the direct feedthrough, and the gain of controller and output
+    filter at the speed of a part. `driving` is the speed of the fastest state that drives the parts.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])

@@ -1,17 +1,17 @@
-r"""Exponentials of the block Toeplitz matrix of a loop with dead time (see `pidalab.simulation.exact`).
+r"""Compute exponentials of the block Toeplitz matrix of a loop with dead time (see `pidalab.simulation.exact`).
 
-An element of the ring is a power series in z whose coefficients are matrices :math:`\Phi_k`. It is stored as an array
-of shape (order, reach times order), which holds the transposed coefficients :math:`\Phi_k^T` side by side. States are
-rows, and are multiplied by elements from the right. All elements commute, because all are power series of one matrix.
-The reach of an element is the number of its coefficients. It is also the number of ages of states that the element
-reads.
+An element of the ring is a power series in z whose coefficients are matrices :math:`\Phi_k`. The coefficient
+:math:`\Phi_k` multiplies the state k dead times ago. The age of this state is k, and the reach of an element is the
+number of its coefficients. An element is stored as an array of shape (order, reach * order), which holds the transposed
+coefficients :math:`\Phi_k^T` side by side. States are rows, and are multiplied by elements from the right. All elements
+commute, because each element is a power series of the same matrix.
 
 Notes
 -----
-Elements represent exponentials less 1, so that a slow state keeps its digits next to a fast state. Their product is
-:math:`(1 + a)(1 + b) - 1 = a + b + a b`. The last coefficients of an element are dropped if they are below `DROPPED`
-times its largest coefficient. Scaling and squaring follows Higham, *Functions of Matrices*, 2008, ch. 10, with a Taylor
-series for a norm of at most 1/2.
+Elements represent exponentials less 1, so that a slow state keeps its digits next to a fast state. The product of two
+elements is :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from the end of an element while they are
+at most `DROPPED` times its largest coefficient. Scaling and squaring follows Higham, *Functions of Matrices*, 2008,
+ch. 10, with a Taylor series for a norm of at most 1/2.
 
 All sums are added term by term in a fixed order, without library calls and with one accumulator, so that the results
 are the same on every processor.
@@ -23,11 +23,11 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# The last coefficients of an element are dropped if they are below this share of its largest coefficient. The share is
-# so small because the coefficients of a kick share an element with those of the plant. With 1e-20, a kick of 1e22
-# caused an error of 4e-9 in y.
+# Coefficients at the end of an element are dropped up to this multiple of its largest coefficient. The value is so
+# small because one element holds both the coefficients of a kick (a short, very large signal) and those of the plant.
+# With 1e-20, a kick of 1e22 caused an error of 4e-9 in y.
 DROPPED = 1e-26
-TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 times the first
+TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 times the first term
 
 
 def _add_row_by_row(out, factors, rows, first, column):
@@ -38,10 +38,10 @@ def _add_row_by_row(out, factors, rows, first, column):
 
 @plain(_add_row_by_row)
 def add_rows(out, factors, rows, first, column):
-    """Add factors @ rows[first:, column:] to a row, for all elements of the row.
+    """Add factors @ rows[first:, column:] to the whole array `out`.
 
-    Each pass adds four rows from left to right. The sums are the same as with single rows, but need a quarter of the
-    memory traffic.
+    Each pass adds four rows in ascending order. The sums equal those of adding one row after the other, but need only a
+    quarter of the memory traffic.
     """
     size, fours = out.size, factors.size - factors.size % 4
     for i in range(0, fours, 4):
@@ -68,10 +68,10 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 
 @plain(_add_product_row_by_row)
 def add_product(out, place, factors, column, count, rows, first):
-    """Add factors @ rows to some columns of an array.
+    """Add factors[:, column : column + count] @ rows[first : first + count] to some columns of `out`.
 
-    `place` contains the first of these columns and their number. `column` and `count` select columns of the factors,
-    and `first` is the first of the rows. Sums are formed as in `add_rows`, for two rows of factors at a time.
+    `place` holds the first of these columns of `out` and their number. Sums are formed as in `add_rows`, for two rows
+    of factors at a time.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -101,7 +101,10 @@ def _column_sizes_of_array(block):
 
 @plain(_column_sizes_of_array)
 def column_sizes(block):
-    """Return the largest modulus in each column. The loop over rows compiles to vector instructions."""
+    """Return the largest modulus in each column.
+
+    The loops run row by row, because a loop along a row compiles to vector instructions.
+    """
     result = np.zeros(block.shape[1])
     for i in range(block.shape[0]):
         row = block[i]
@@ -123,7 +126,7 @@ def sizes(element):
 
 @compiled
 def largest(values):
-    """Return the largest of some sizes."""
+    """Return the largest of some sizes, or 0 if there are none."""
     result = 0.0
     for j in range(values.size):
         result = max(result, values[j])
@@ -132,14 +135,14 @@ def largest(values):
 
 @compiled
 def add(out, element):
-    """Add a ring element to `out`. Coefficients beyond the length of `out` are ignored."""
+    """Add a ring element to `out`, without the coefficients beyond the width of `out`."""
     wide = min(out.shape[1], element.shape[1])
     out[:, :wide] += element[:, :wide]
 
 
 @compiled
 def shortened(element, share):
-    """Drop the last coefficients of a ring element that are at most a share of its largest coefficient."""
+    """Drop coefficients from the end of a ring element while each is at most `share` times the largest coefficient."""
     order, width = element.shape
     size = sizes(element)
     least = share * largest(size)
@@ -154,16 +157,17 @@ def shortened(element, share):
 
 @compiled
 def taylor(tau, most, A, B, Cv, D):
-    """Return the exponential less 1 by its power series. The time must be at most that of the lowest power.
+    """Return the exponential less 1 for a time `tau`, by its Taylor series. `tau` times the norm must be at most 1/2.
 
     Notes
     -----
-    `term` is (tau A(z))^n / n! and `total` the sum of all terms so far, less 1. The next term is the product with
-    A(z) = A + B z (1 - D z)^-1 Cv. Each term reaches one age further than the preceding term. If D is not 0, each term
-    reaches as many ages as allowed, because D feeds a part of the delayed signal `v` back into the dead time.
+    `term` is (tau A(z))^n / n!, and `total` is the sum of the terms 1 to n. The next term is `term` times
+    A(z) = A + B z (1 - D z)^-1 Cv, times tau / (n + 1). Each term reaches one age further than the preceding term. If D
+    is not 0, each term reaches as many ages as `most` allows, because D feeds a part of the delayed signal `v` back
+    into the dead time.
     """
     order, channels = B.shape
-    term = np.eye(order)  # transposed in this function, so that zeros of A can be skipped
+    term = np.eye(order)  # not transposed in this function, so that zeros of A can be skipped
     total = np.zeros((order, order))
     for n in range(1, TAYLOR_TERMS + 1):
         share = tau / n
@@ -173,7 +177,7 @@ def taylor(tau, most, A, B, Cv, D):
             for j in range(order):
                 if A[i, j] != 0.0:
                     add_rows(after[i, : term.shape[1]], share * A[i, j : j + 1], term, j, 0)
-        # `v` holds the delayed signals that come from the next older states.
+        # `v` holds the delayed signals that act on the coefficient at column `at`.
         v, older = np.zeros((channels, order)), np.zeros((channels, order))
         for at in range(0, after.shape[1], order):
             for i in range(order):
@@ -203,10 +207,11 @@ def taylor(tau, most, A, B, Cv, D):
 
 @compiled
 def _width(first, second, most):
-    """Estimate the number of columns of a product before the product is formed. All further columns would be dropped.
+    """Return a sufficient number of columns for a product. All further columns would be dropped from the product.
 
-    No number in a product of coefficients exceeds the order times the largest numbers of both factors. The share refers
-    to the first coefficient of the product, which is computed here and is at most the largest coefficient.
+    No number in a product of two coefficients exceeds the order times the largest number of the first coefficient times
+    the largest number of the second. A coefficient is dropped if this bound is at most `DROPPED` times the first
+    coefficient of the product. The first coefficient is computed here, and is at most as large as the largest one.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
@@ -232,7 +237,7 @@ def _width(first, second, most):
 
 @compiled
 def product(first, second, most):
-    """Return (1 + first)(1 + second) - 1 for two elements."""
+    """Return (1 + first)(1 + second) - 1 for two elements, with at most `most` coefficients."""
     order, width = first.shape[0], _width(first, second, most)
     out = np.zeros((order, width))
     add(out, first)
@@ -245,15 +250,15 @@ def product(first, second, most):
 
 @compiled
 def ladder(A, B, Cv, D, norm, step, top, most):
-    """Return the powers, which are exponentials less 1 over step * 2^p up to p = top, and the lowest p.
+    """Return the exponentials less 1 for the times step * 2^p, p = low, ..., top, and return `low`.
 
-    The list of powers is empty if they would overflow.
+    The list of these exponentials, the powers, is empty if the powers would overflow.
 
     Notes
     -----
-    The lowest p is at most 0 and at most `top`, and so small that norm * step * 2^p is at most 1/2 and the series
-    converges fast. Each further power is the square of the preceding power. So `powers[i]` always spans
-    step * 2^(low + i).
+    The number `low` is at most 0, at most `top`, and so small that norm * step * 2^low is at most 1/2. The
+    Taylor series then converges fast. Each further power is the square of the preceding power. So `powers[i]` spans the
+    time step * 2^(low + i).
     """
     powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
@@ -269,24 +274,25 @@ def ladder(A, B, Cv, D, norm, step, top, most):
 
 @compiled
 def transition(powers, step, low, tau, most, A, B, Cv, D):
-    """Return the exponential less 1 over tau, as a product of powers and one Taylor series.
+    """Return the exponential less 1 for a time `tau`, as a product of powers and one Taylor series.
 
     Notes
     -----
-    Power p is used `times[p]` times, and `tau` is the time that remains. The time that these powers span plus `tau` is
-    always the given time. The longest power is used first. The series spans the last remainder, which is shorter than
-    the lowest power. A remainder of the size of rounding counts as 0.
+    The power with index p is used `times[p]` times. The uses are counted from the longest power down, and `tau` is
+    reduced by the time of each use. Invariant: the sum of times[p] * step * 2^(low + p), plus `tau`, is the given time.
+    The Taylor series spans the last `tau`, which is shorter than the time of the shortest power. A last `tau` of the
+    size of rounding counts as 0.
     """
-    dust = 8.0 * 2.0**-52 * tau  # rounding of a multiple of the step
+    dust = 8.0 * 2.0**-52 * tau  # the rounding error of a multiple of the step
     times = np.zeros(len(powers), dtype=np.int64)
     for p in range(len(powers) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
-        if duration <= dust:  # powers as short as this are below rounding
+        if duration <= dust:  # the power is shorter than the rounding error
             break
         while tau > duration - dust:
             times[p] += 1
             tau -= duration
-    # Products that begin with the shortest power need the least work.
+    # The product is formed from the shortest power up, because its factors are then short for longest.
     begun = tau > dust
     out = taylor(tau, most, A, B, Cv, D) if begun else np.zeros(A.shape)
     for p in range(len(powers)):
