@@ -1,4 +1,4 @@
-"""Compile every kernel by using each of them once: ``python -m pidalab.warm_up``.
+"""Compile every kernel by using it once: ``python -m pidalab.warm_up``.
 
 A process that has spent a second in plain forms runs this module in the background (`pidalab._compiled`).
 """

@@ -18,8 +18,8 @@
   const button = (text, action, hidden = false) =>
     el("button", { type: "button", className: "btn btn-sm btn-outline-primary", textContent: text, onclick: action, hidden });
   const begin = button("Run this page", () => open()), all = button("Run all", () => runUpTo(cells.length - 1), true);
-  const stop = button("Stop", () => restart("Stopped. Cells you run next start from the top."), true);
-  const reset = button("Reset", () => { cells.forEach(restore); restart("Reset. All cells are as printed."); }, true);
+  const stop = button("Stop", () => restart("Stopped. The next run starts with the first cell."), true);
+  const reset = button("Reset", () => { cells.forEach(restore); restart("Reset. All cells show their stored code and output."); }, true);
   const bar = el("div", { className: "pidalab-run-bar" }, begin, all, stop, reset, progress, status);
 
   /** Return the bytes of one file, unpacked if its name ends with .gz. The browser's cache keeps fetched files. */
@@ -199,10 +199,10 @@
     if (!able || phone) {
       const binder = document.querySelector('a[href*="mybinder.org"]');
       const why = location.protocol === "file:" ? "when the site comes from a web server" : "in a current browser on a computer";
-      bar.replaceChildren(el("span", { className: "pidalab-run-status" }, `The cells of this page run ${why}; anywhere else `,
+      bar.replaceChildren(el("span", { className: "pidalab-run-status" }, `The cells of this page run ${why}. Elsewhere run them `,
         binder ? el("a", { href: binder.href, textContent: "on Binder" }) : "on Binder", "."));
     } else {
-      status.textContent = "Loads Python into this browser, about 45 MB, once.";
+      status.textContent = "The first run loads Python into this browser (about 45 MB).";
     }
     document.querySelector(".bd-article h1")?.after(bar);
   }

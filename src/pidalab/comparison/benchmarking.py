@@ -68,7 +68,9 @@ def stored(name: str) -> pd.DataFrame:
 def judge(
     rule: str, kind: str, make: Callable[[], Design], process: Process, scale: NoiseScale
 ) -> Iterator[dict[str, Any]]:
-    """Yield the measures of a design on a plant, in units of the plant: as published, then at equal terms, loud first.
+    """Yield the measures of a design on a plant, in units of the plant.
+
+    The first row is the design as published. Then follows the design at equal terms, with loud noise first.
 
     Parameters
     ----------

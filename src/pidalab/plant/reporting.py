@@ -29,18 +29,18 @@ SAFE = 2.001  # a loop is called safe if its worst Ms is at most this
 REPORT_HORIZON = 20.0  # length of the first simulated responses, in time scales of the process
 MEASURES = {  # attributes of a row, with their names and meanings
     "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
-    "ms_sampled": ("Ms sampled", "the same of the digital controller"),
+    "ms_sampled": ("Ms sampled", "the same for the loop with the digital controller"),
     "ms_worst": ("worst Ms", "the largest Ms with any plant that the model allows"),
     "delay_margin": ("delay margin", "additional dead time at which the loop becomes unstable"),
     "iae_load": ("IAE load", "integral of the absolute error after a unit step of the load"),
-    "iae_worst": ("worst IAE", "the same with the plant of the worst Ms"),
-    "price": ("price", "IAE over that of the design for the model alone: what robustness costs"),
-    "peak": ("peak", "largest error after that step"),
+    "iae_worst": ("worst IAE", "IAE load with the plant that has the worst Ms"),
+    "price": ("price", "IAE divided by that of the design for the model alone: the cost of robustness"),
+    "peak": ("peak", "largest error after the step of the load"),
     "overshoot": ("overshoot %", "after a step of the set point"),
     "mks": ("max |CS|", "largest gain from measurement noise to u, over all frequencies"),
     "relative_noise": (
         "relative noise gain",
-        "standard deviation of u over that of the noise and the ultimate gain",
+        "standard deviation of u, divided by that of the noise and by the ultimate gain",
     ),
 }
 REPORT_COLUMNS = {name: x for x, (name, _) in MEASURES.items()}

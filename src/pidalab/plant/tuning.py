@@ -29,7 +29,7 @@ from pidalab.simulation.exact import load_iae
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if sample times differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of the gain from noise to u, in units of `_gain_needed`
-DEFAULT_NOISE_SHARE = 0.01  # default of the noise in u, as a share of the input step in a record
+DEFAULT_NOISE_SHARE = 0.01  # default standard deviation of noise in u, as a share of a record's input step
 MOST_MS = 5.0
 PHASE_UNKNOWN = 1e-3  # phase in rad to which no model is accurate
 SPREAD = 20  # plants drawn from the uncertainty of a fit

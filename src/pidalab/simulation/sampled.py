@@ -78,7 +78,7 @@ def simulate_sampled(
     setpoint, load, noise : float or array_like, shape (n,), optional
         A number is a step at t = 0. An array is held from each sample to the next.
     limits : tuple of float, optional
-        Smallest and largest control signal. They must contain 0, which may equal one of them. The limits of a
+        Smallest and largest control signal. They must contain 0, or one of them must be 0. The limits of a
         `SeriesPIDA` also apply.
     plant : Process or AsymmetricPlant, optional
         Plant to simulate instead of the loop's process.

@@ -17,7 +17,7 @@ from pidalab.statespace import StateSpace, held, pieces, realise
 
 
 class PlantStates(NamedTuple):
-    """Two linear systems with the same state. Number 1 applies while the first state rises towards w, else number 0.
+    """Two linear systems with the same state. System 1 applies while the first state rises towards w, else system 0.
 
     For a linear plant both systems are equal.
     """
@@ -35,9 +35,7 @@ class Steps(NamedTuple):
     phi: Array  # (pieces, 2, n, n)
     gamma: Array  # (pieces, 2, n)
     lag_samples: Array  # (pieces,), age in samples of the input that acts during the piece
-    pulse: (
-        Array  # (pieces, widths, n), contribution to the state of a pulse from the lower to the upper limit
-    )
+    pulse: Array  # (pieces, widths, n), what a pulse from the lower to the upper limit adds to the state
     c: Array  # (n,)
     d: float
 
@@ -97,7 +95,7 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
 
 
 def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator: Actuator) -> Array:
-    """Return what a pulse of each width adds to the state over a piece that starts `offset` after the pulse."""
+    """Return what a pulse of each width adds to the state over a piece that begins `offset` after the pulse begins."""
     A, b, widths = states.A[0], states.b[0], actuator.widths
     added = np.zeros((widths + 1, b.size))
     if not widths:

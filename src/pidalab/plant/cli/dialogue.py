@@ -111,7 +111,7 @@ def column(ctx: click.Context, param: click.Parameter, value: str | None) -> str
 
 
 ms = click.option("--ms", default=1.6, help="Largest maximum sensitivity.")
-ms_worst = click.option("--ms-worst", default=2.0, help="The same with any plant of the spread.")
+ms_worst = click.option("--ms-worst", default=2.0, help="Largest Ms with any plant of the spread.")
 limits = add_options(
     click.option("--u-min", default=-math.inf, help="Lower limit of u."),
     click.option("--u-max", default=math.inf, help="Upper limit of u."),
@@ -135,7 +135,7 @@ times = add_options(
     click.option("--n", default=10.0, help="The derivative's filter is td/n."),
     click.option("--m", default=10.0, help="The acceleration's filter is ta/m, twice."),
 )
-force = click.option("--force", is_flag=True, help="Replace files that hold something else.")
+force = click.option("--force", is_flag=True, help="Replace files that have other contents.")
 out = add_options(
     click.option("--out", type=Place(file_okay=False, path_type=Path), help="Folder to write to."), force
 )

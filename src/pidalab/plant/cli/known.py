@@ -24,7 +24,7 @@ FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 @dialogue.main.command("compare")
 @dialogue.plant
 @dialogue.ms
-@click.option("--noise-gain", type=float, help="Limit of the noise gain; default: a relative one of 1.5.")
+@click.option("--noise-gain", type=float, help="Limit of the noise gain; default: relative noise gain 1.5.")
 @click.option("--sample-time", type=float, help="Sample time of the noise; default: ultimate period / 100.")
 @click.option("--rule", "rules", multiple=True, help="A rule by name, or 'optimal'; may be repeated.")
 def compare_command(
@@ -89,7 +89,7 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
 @click.option("--until", type=dialogue.ABOVE, required=True, help="End of the simulation.")
 @click.option("--setpoint", default=1.0, help="Step of the set point at 0.")
 @click.option("--load", default=0.0, help="Step of the load at 0.")
-@click.option("--sample-time", type=float, help="Of a digital controller (backward); default: continuous.")
+@click.option("--sample-time", type=float, help="Sample time, if digital (backward); default: continuous.")
 @dialogue.limits
 @click.option("--out", type=dialogue.OUT_FILE, help="CSV file for t, r, y, u.")
 @dialogue.force
@@ -191,7 +191,7 @@ def _apply(path: Path, name: str, process: Any) -> Any:
 @dialogue.main.command("benchmark")
 @click.argument("rule", metavar="FILE.py:FUNCTION")
 @click.option("--name", help="Name of the rule in tables; default: its function's name.")
-@click.option("--model", type=click.Choice(STARTING_MODELS), default="process", help="What the rule gets.")
+@click.option("--model", type=click.Choice(STARTING_MODELS), default="process", help="Model for the rule.")
 @click.option("--plant", "plants", multiple=True, help="One plant, such as 'P2 T=1'; may be repeated.")
 @click.option("--workers", default=2, type=click.IntRange(1), help="Processes in parallel.")
 @dialogue.out

@@ -29,11 +29,11 @@ record = dialogue.add_options(
     click.argument("record", type=dialogue.EXISTING),
     dialogue.columns,
     click.option("--period", type=float, help="Time between samples, for a file without times."),
-    click.option("--delimiter", help="Between the columns, such as ';' or '\\s+'; default: found out."),
+    click.option("--delimiter", help="Text between columns, as ';' or '\\s+'; default: detected."),
     click.option("--skip", default=0, help="Lines to leave out at the beginning."),
-    click.option("--u-before", type=float, help="Input before the record, if that begins with its step."),
-    click.option("--outliers", type=click.Choice(["drop", "keep"]), help="What to do with wild outputs."),
-    click.option("--run", type=int, help="Which of several runs, from 1, where the time restarts."),
+    click.option("--u-before", type=float, help="Input before a record that begins with its step."),
+    click.option("--outliers", type=click.Choice(["drop", "keep"]), help="Treatment of outlying outputs."),
+    click.option("--run", type=int, help="Number of the run, from 1, if the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
 design = dialogue.add_options(
@@ -42,7 +42,7 @@ design = dialogue.add_options(
     dialogue.ms_worst,
     click.option("--noise-gain", type=float, help="Largest noise gain; default: from the record."),
     click.option("--spread", type=float, help="Relative error of the model; default: from the record."),
-    click.option("--sample-time", type=float, required=True, help="Of the controller, in the record's time."),
+    click.option("--sample-time", type=float, required=True, help="Sample time, in the record's unit."),
 )
 code = dialogue.add_options(
     dialogue.limits,
@@ -50,7 +50,7 @@ code = dialogue.add_options(
     click.option("--c", type=WEIGHT, help="Set-point weight of D and A; default: 0, or 1 with a prefilter."),
     click.option("--rate-limit", type=ABOVE, default=math.inf, help="Largest change of u in a unit of time."),
     click.option("--deadband", type=FROM_ZERO, default=0.0, help="Error in y that is ignored."),
-    click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="What a limit does to I."),
+    click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="Treatment of I at a limit."),
     click.option("--feedforward", is_flag=True, help="Code with an input that is added to u."),
     click.option("--float", "single", is_flag=True, help="C code in single precision."),
     click.option("--tunable", is_flag=True, help="Code with gains that may change while it runs."),
@@ -86,10 +86,10 @@ def report_command(out: Path | None, force: bool, **options: Any) -> None:
 @code
 @dialogue.out
 def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
-    """Tune a controller from a plant RECORD, a text file in which the input moves: a step, best from rest.
+    """Tune a controller from a plant RECORD, a text file in which the input moves. A step from rest is best.
 
-    Prints whether the loop is safe, the gains, what to check before the start, the doubts and the model. With --out
-    also writes controller.c, controller.st, controller.py, controller.json and report.html.
+    Print if the loop is safe, the gains, what to check before the start, the doubts and the model. With --out, also
+    write controller.c, controller.st, controller.py, controller.json and report.html.
 
     \b
     Example:
@@ -152,13 +152,13 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
 @click.option(
     "--filter", "lag", type=FROM_ZERO, default=0.0, help="Time constant of the measurement's filter."
 )
-@click.option("--sample-time", type=float, help="Of the controller; default: that of the log.")
+@click.option("--sample-time", type=float, help="Sample time; default: that of the log.")
 @dialogue.limits
 @dialogue.ms_worst
 def check_command(lag: float, **options: Any) -> None:
     """Judge the gains of a running loop by a log of it, the RECORD.
 
-    Changes of the set point, a step of the load or a bump of u show the plant. Prints the Ms of the loop with its
+    Changes of the set point, a step of the load or a bump of u show the plant. Print the Ms of the loop with its
     interval, how far the gains are from the best, and three sets to try.
 
     \b

@@ -34,7 +34,7 @@ HIGHER = 0.75  # share of the plants whose gain is raised
 UNSETTLED = 1.05  # an identifiable model is preferred up to this multiple of the least residual
 MOVED = 0.05  # an input moves if it changes by this share of its span
 MOST_UNEXPLAINED = 0.5  # largest model error, as a share of the movement of the output
-TRIMMED = 0.95  # less likely plants than this share of random plants are left out
+TRIMMED = 0.95  # share of the random plants that are kept, as the likeliest
 ALONE = "step the input by itself, from rest, with nothing else moving the output"
 
 

@@ -126,7 +126,7 @@ MOST_CHANGES = 60
 MOST_SAMPLES = 4000  # samples of a fit; in a longer record neighbouring samples are averaged
 SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
 BETTER = 0.03  # a model with one more parameter must lower the residual by this share
-NONE = 1e-3  # a dead time of fewer samples is set to 0
+NONE = 1e-3  # a dead time shorter than this share of a sample is set to 0
 LEVEL = 1  # index of the output's level among the parameters
 DESCENTS = 6  # number of descents from different starts, of which the lowest end is used
 # Descents end at these relative changes. The first applies to all descents, the second to the refinement of the lowest.
@@ -134,7 +134,7 @@ SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
 LOADS = 46  # number of times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags to try, as shares of the sum of all times
-# A descent starts from these times, as functions of the time in which the plant responds.
+# A descent starts from these values, which are functions of the response time of the plant.
 STARTS: dict[str, Callable[[float], list[list[float]]]] = {
     "ipdt": lambda time: [],
     "lags": lambda time: [[time / 3]],
@@ -252,7 +252,7 @@ def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult],
 
 
 def search(data: FitData, shape: Shape) -> FitResult:
-    """Find the least squares over shape and dead time, with descents from a grid of starts.
+    """Fit shape parameters and dead time by least squares, with descents from a grid of starts.
 
     Notes
     -----

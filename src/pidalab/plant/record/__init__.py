@@ -66,7 +66,7 @@ class Record:
         (A sensor at the end of its range does so.) By default they are doubted, and `identification.fit` refuses the
         record.
     rows : array_like, shape (n,), optional
-        Numbers of the samples in their file, which doubts and errors refer to.
+        Row numbers of the samples in their file. Doubts and errors refer to them.
 
     Attributes
     ----------

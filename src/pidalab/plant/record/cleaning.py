@@ -15,7 +15,7 @@ from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
 FEWEST = 20  # least number of samples for a conclusion
-# Longest interval between two samples in which a counter restarts, in median intervals.
+# A counter may restart between two samples that are at most this number of median intervals apart.
 LONGEST_WRAP = 10
 # If the time goes back by more than this number of median intervals, a new run may begin. Smaller steps back mean only
 # that the samples are not in order.
