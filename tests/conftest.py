@@ -18,7 +18,7 @@ sys.path[:0] = [
     str(ROOT / "tests" / folder)
     for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs", "papers")
 ]
-# last, since tools/site.py has the name of a module of Python
+# this folder comes last, since tools/site.py has the name of a module of Python
 sys.path += [str(ROOT / "tools"), str(ROOT / "oracles")]
 
 # Files of long tests, the longest first. They take three quarters of the time.
@@ -40,7 +40,7 @@ LONG = (
     "tests/test_readme.py",
     "book/learn/when-it-pays.ipynb",  # its search takes half a minute
 )
-# One in DRAW of the long tests runs, chosen anew each time. The seed is kept in the environment for the workers.
+# A random selection of one in DRAW of the long tests runs. The environment passes its seed to the workers.
 DRAW = int(os.environ.get("DRAW", "1"))
 os.environ.setdefault("DRAW_SEED", str(random.SystemRandom().randrange(10**6)))
 
@@ -59,7 +59,7 @@ def pytest_configure(config):
 
 
 def pytest_report_header():
-    """Say which share of the long tests runs, and how to repeat the choice."""
+    """Print which share of the long tests runs, and how to repeat the random selection."""
     if DRAW > 1:
         again = f"DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}"
         return f"of the long tests one in {DRAW} is drawn ({again} repeats it, DRAW=1 runs all)"
@@ -94,7 +94,7 @@ def pytest_collection():
 
 
 def pytest_collection_finish():
-    """Switch the garbage collector on, for new objects only and seldom. It would take a tenth of the time otherwise."""
+    """Let the garbage collector run rarely and for new objects only. Otherwise it would take a tenth of the time."""
     gc.freeze()
     gc.set_threshold(100_000, 20, 100)
     gc.enable()

@@ -39,7 +39,7 @@ def test_fixed_steps_converge_to_the_exact_engine(peer, loop, per_delay):
 
 
 @pytest.mark.parametrize("loop", [STIFF, STABLE, LARGE], ids=["stiff", "stable", "large"])
-def test_padé_gets_better_with_its_order(loop):
+def test_error_of_padé_falls_with_its_order(loop):
     errors = [difference(peers.pade, loop, order) for order in (3, 5, 10, 20)]
     assert all(worse > better for worse, better in pairwise(errors))
 

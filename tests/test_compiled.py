@@ -69,7 +69,7 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason=
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Return the answers of a short and a longer process in a hostile folder, and the cache that the latter fills."""
+    """Return the answers of a short and a longer process in a hostile folder, and the cache of the longer one."""
     cache, folder = tmp_path_factory.mktemp("cache"), tmp_path_factory.mktemp("logs")
     for name in ("numba.py", "random.py", "numpy.py", "pidalab.py"):
         trap = f"open({str(folder / 'was_run')!r}, 'w').close()\nraise ImportError('not this one')\n"
@@ -128,7 +128,7 @@ def test_killed_compiler_delays_the_next_attempt(tmp_path):
     ],
     ids=["off", "no folder", "nothing kept"],
 )
-def test_failed_compiler_claims_nothing(variables, message, tmp_path):
+def test_failed_compiler_reports_its_error(variables, message, tmp_path):
     """The compilation is not complete, and the error says why."""
     script = "import pidalab.warm_up as w; w.use_all = lambda: None; w.main()"
     with pytest.raises(subprocess.CalledProcessError) as failed:
@@ -141,7 +141,7 @@ HOMES = {"no home": {"HOME": None, "XDG_CACHE_HOME": None}, "chosen": {"NUMBA_CA
 
 
 @pytest.mark.parametrize("home", HOMES)
-def test_answers_without_a_cache(home, tmp_path):
+def test_plain_forms_are_used_without_a_cache(home, tmp_path):
     """Without a writable folder plain forms are used, and no compiler is started."""
     nowhere = (
         "import os, pwd; from pathlib import Path; import pidalab._compiled as c; c.PACKAGE = Path('/dev/null/x');"
@@ -156,7 +156,7 @@ def test_answers_without_a_cache(home, tmp_path):
 
 
 def test_background_compiles_all_kernels(made):
-    """After it no function of the library is compiled any more."""
+    """After the background compilation, no function of the library is compiled again."""
     script = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
@@ -211,7 +211,7 @@ def test_both_forms_give_the_same_digits(without, tmp_path):
     if without == "numba":
         (tmp_path / "numba.py").write_text("raise ImportError('no numba here')", encoding="utf-8")
     path = os.pathsep.join([str(tmp_path), str(Path(__file__).parent), *filter(None, sys.path)])
-    search = without == "numba"  # once: its plain form takes ten seconds
+    search = without == "numba"  # only once, since its plain form takes ten seconds
     script = f"import json, sys; from test_compiled import answers; json.dump(answers({search}), sys.stdout)"
     done = run(script, **variables, PYTHONPATH=path)
     assert done.stderr == ""

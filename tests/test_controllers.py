@@ -38,17 +38,17 @@ def pida_formula(kp, ti, td, ta, n, m, s=POINTS):  # haalman2024, eq. (2)
      (2.0, 4.0, 1.0, 0.0, 3, 7), (2.0, 4.0, 0.0, 0.0, 3, 7), (2.0, math.inf, 1.0, 0.5, 3, 7),
      (2.0, math.inf, 0.0, 0.0, 3, 7)],
 )  # fmt: skip
-def test_pida_is_the_printed_formula(values):
+def test_pida_matches_the_printed_formula(values):
     C = pidalab.PIDA(*values)
     np.testing.assert_allclose(C(POINTS), pida_formula(*values), rtol=1e-11)
     np.testing.assert_allclose(C.transfer_function()(POINTS), pida_formula(*values), rtol=1e-11)
     order = sum([math.isfinite(values[1]), values[2] > 0, 2 * (values[3] > 0)])
-    assert len(C.transfer_function().den[0][0]) - 1 == order  # factors of absent actions are left out
+    assert len(C.transfer_function().den[0][0]) - 1 == order  # absent actions give no factors
 
 
 @pytest.mark.parametrize("tau_d", [0.0, 0.7])
 @pytest.mark.parametrize("tau_a", [0.0, 1.3])
-def test_non_interactive_is_the_printed_formula(tau_d, tau_a):
+def test_non_interactive_matches_the_printed_formula(tau_d, tau_a):
     C = pidalab.NonInteractivePIDA(-1.5, 2.5, tau_d, tau_a, alpha_d=0.1, alpha_a=0.03)
     s = POINTS  # heo2023, eq. (16)
     formula = (
@@ -61,14 +61,14 @@ def test_non_interactive_is_the_printed_formula(tau_d, tau_a):
 
 
 @pytest.mark.parametrize("order", [2, 3, 6])
-def test_high_order_is_the_printed_formula(order):
+def test_high_order_matches_the_printed_formula(order):
     C = pidalab.HighOrderPID([0.5, 2.0, 1.0, 0.25], filter_time=0.2, filter_order=order)
     np.testing.assert_allclose(
         C(POINTS), ideal(IdealGains(0.5, 2.0, 1.0, 0.25)) / (1 + 0.2 * POINTS) ** order, rtol=1e-11
     )
 
 
-def test_series_is_the_printed_formula():
+def test_series_matches_the_printed_formula():
     C = pidalab.SeriesPIDA(2.0, -0.5, 0.3, ti=4.0, filter_time=0.2, filter_order=3)
     s = POINTS
     np.testing.assert_allclose(
@@ -77,7 +77,7 @@ def test_series_is_the_printed_formula():
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_conversions_there_and_back(seed):
+def test_conversions_round_trip(seed):
     kp, ti, td, ta = np.random.default_rng(seed).uniform(0.1, 3.0, 4).tolist()
     gains = pidalab.PIDA(kp, ti, td, ta).gains()
     assert gains.standard() == pytest.approx((kp, ti, td, ta), rel=1e-14)
@@ -92,7 +92,7 @@ def test_conversions_there_and_back(seed):
 @pytest.mark.parametrize(
     "form", [(2.0, 1.0, 0.25, 4.0), (0.5, 2.0, 0.0, 3.0), (1.0, 0.0, 0.0, 2.0)], ids=["pida", "pid", "pi"]
 )
-def test_series_there_and_back_picks_the_largest_reset_time(form):
+def test_series_round_trip_picks_the_largest_reset_time(form):
     gains = pidalab.SeriesPIDA(*form, filter_time=0.1, filter_order=2).gains()
     kp, kd, ka, ti = gains.series()
     s = POINTS
@@ -133,7 +133,7 @@ def test_without_integral_action_the_fraction_is_the_same_controller():
     np.testing.assert_allclose(np.polyval(num, POINTS) / np.polyval(den, POINTS), filtered, rtol=1e-12)
 
 
-def test_limits_of_a_controller_hold_from_its_working_point_on():
+def test_limits_are_relative_to_the_working_point():
     C = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2, limits=(-1.0, 3.0))
     assert C.discretise(0.1).limits == (-1.0, 3.0)
     assert C.discretise(0.1, bias=10.0).limits == (9.0, 13.0)

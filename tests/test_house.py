@@ -1,4 +1,4 @@
-"""Imports follow the order in CONTRIBUTING; packages stay apart; `import pidalab` is quick."""
+"""Check that imports follow the order in CONTRIBUTING, packages are independent, and `import pidalab` is fast."""
 
 import ast
 import json
@@ -30,7 +30,7 @@ HANDS_ON = {
 
 
 def lines(text, package):
-    """Rooms of a package, a list for each line: one imports only from those on earlier lines, and from its own."""
+    """Return the modules of a package as a list for each line. A module imports only from earlier lines and itself."""
     text = text.split("Imports for types count")[0]
     rooms = [line.strip().split("  ")[0] for line in text.splitlines() if line.startswith(7 * " ")]
     return [[f"{package}.{room}" for room in re.findall(r"\w+", line)] for line in rooms]
@@ -53,7 +53,7 @@ MODULES = {name_of(path): path for path in sorted(SRC.rglob("*.py"))}
 
 
 def imported(path):
-    """Yield the dotted names that a file imports, also in functions and for types."""
+    """Yield the dotted names that a file imports, including imports in functions and for types."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -99,18 +99,18 @@ def misplaced():
                     yield f"{module} imports {target}, which comes later"
 
 
-def test_imports_run_one_way():
+def test_imports_follow_the_order():
     assert [*misplaced()] == []
 
 
-def test_no_circles():
+def test_no_circular_imports():
     graph = {module: arrows(module) - {HANDS_ON.get(module)} for module in MODULES}
     order = list(TopologicalSorter(graph).static_order())
     assert set(order) >= set(MODULES)
 
 
 def test_packages_stay_apart():
-    """The library imports `pidalab.plant` only to hand names on. The two packages do not import each other."""
+    """The library imports `pidalab.plant` only to re-export names. pidalab and paperledger do not import each other."""
     for module in MODULES:
         for target in arrows(module):
             if in_wing(target):

@@ -22,7 +22,7 @@ setup = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(setup)
 
 
-def test_the_readme_stands_on_a_package_index():
+def test_the_readme_is_valid_on_a_package_index():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert setup.TARGET.search(readme)
     standing = setup.standing(readme, PROJECT["urls"]["Repository"])
@@ -97,7 +97,7 @@ def test_a_paper_is_named_wherever_a_book_needs_it(paper):
     assert missing(paper, ROOT / "book" / "ledger") == []
 
 
-def test_what_colab_is_given_runs(capsys, monkeypatch):
+def test_the_colab_notebook_runs(capsys, monkeypatch):
     """The first cell clones the repository that pyproject.toml names. The others run in a clone."""
     cells = json.loads((ROOT / "colab.ipynb").read_text(encoding="utf-8"))["cells"]
     first, *others = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]

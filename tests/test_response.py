@@ -116,10 +116,10 @@ def test_rise_time(target):
 @pytest.mark.parametrize(
     ("y", "shares", "time"),
     [
-        ([0.5, 1.0, 1.0], (0.2, 0.9), 0.8),  # starts above the lower share
-        ([0.2, 0.1, 1.0], (0.2, 0.9), 17 / 9),  # starts on it
-        ([0.0, 0.1, 0.9], (0.1, 0.9), 1.0),  # samples on both
-        ([2.0, 1.0, 1.0], (0.1, 0.9), 0.0),  # starts above both
+        ([0.5, 1.0, 1.0], (0.2, 0.9), 0.8),  # the response starts above the lower share
+        ([0.2, 0.1, 1.0], (0.2, 0.9), 17 / 9),  # it starts on the lower share
+        ([0.0, 0.1, 0.9], (0.1, 0.9), 1.0),  # two samples lie on both shares
+        ([2.0, 1.0, 1.0], (0.1, 0.9), 0.0),  # the response starts above both shares
     ],
 )
 def test_rise_time_of_few_samples(y, shares, time):
@@ -140,7 +140,7 @@ def test_settling_time():
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_stretch_by_hand(sign):
+def test_between_by_hand(sign):
     y = sign * np.array([1.0, 1.0, 0.8, 2.0, 3.4, 2.95, 3.0, 3.0])
     u = sign * np.array([1.0, 5.0, 5.0, 4.0, 0.0, 2.0, 2.0, 2.0])
     r = record(0.5 * np.arange(8), y, r=sign * np.array([1.0] + [3.0] * 7), u=u)
@@ -159,7 +159,7 @@ def test_a_stretch_by_hand(sign):
     assert r.saturated((low, high)) == r.step * np.sum((r.u <= low) | (r.u >= high))
 
 
-def test_a_stretch_ends_before_the_next_step():
+def test_between_ends_before_the_next_step():
     t = 0.03 * np.arange(6001)
     setpoint = np.where(t < 59.99, 1.0, np.where(t < 119.99, 3.0, -1.0))
     loop = pidalab.Loop(pidalab.lags(2, delay=0.5), pidalab.PIDA(1.0, 2.0))
@@ -173,7 +173,7 @@ def test_a_stretch_ends_before_the_next_step():
     assert down.settling_time() == pytest.approx(alone.settling_time(), abs=1e-4)
 
 
-def test_the_set_point_that_counts_is_the_last():
+def test_measures_use_the_last_set_point():
     t, y = np.arange(20.0), np.array([0.0, -0.5, 1.0, 2.5, *[2.0] * 16])
     up, down = (record(t, y, r=np.where(t < 1, *levels)) for levels in ((0.0, 2.0), (2.0, 0.0)))
     assert (up.undershoot(), up.overshoot()) == pytest.approx((25.0, 25.0))
@@ -355,9 +355,9 @@ def test_a_late_load_is_not_divergence():
 
 # Measures of sampled responses against the oracle.
 #
-# The errors are those that parabolas between samples are expected to make, and straight lines where only samples are
-# taken: make_measures.py derives them, and the file has their sizes. Twice that is allowed for large steps,
-# and 1e-9 for the engine.
+# The measures use parabolas between samples, or straight lines where only samples are known. make_measures.py derives
+# the errors of this interpolation, and the file contains them. Allowed is twice the error for large steps, plus 1e-9
+# for the engine.
 
 POWERS = {
     "iae": 4,

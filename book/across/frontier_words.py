@@ -42,8 +42,8 @@ def coverage() -> Markdown:
     named = ", ".join(f"{row.plant}, {KINDS[row.order]} at {row.noise_limit:g}" for row in none.itertuples())
     lost = f" No controller keeps the limits for: {named}." if named else ""
     return Markdown(
-        f"{table['plant'].nunique()} plants, {len(table)} designs at {table['noise_limit'].nunique()} limits of noise."
-        + lost
+        f"The study has {table['plant'].nunique()} plants and {len(table)} designs, with "
+        f"{table['noise_limit'].nunique()} noise limits." + lost
     )
 
 
@@ -123,6 +123,8 @@ def law() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     exceptions = pays[little | steep].sort_values("rolloff").round({"rolloff": 3, "most": 2})
     return (
         pd.DataFrame([fit], ["acceleration saves"]),
-        far.set_index("plant")[["noise_limit", "off"]].rename(columns={"noise_limit": "relative noise gain"}),
+        far.set_index("plant")[["noise_limit", "off"]].rename(
+            columns={"noise_limit": "relative noise gain", "off": "error of the fit"}
+        ),
         exceptions.rename(columns={"rolloff": "roll-off", "most": "saves at most"}),
     )

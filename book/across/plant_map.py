@@ -65,12 +65,10 @@ def lab(plant: pd.Series, kind: str) -> str:
 def advice(rule: str | None, distance: float | None) -> str:
     """Return the rule to use, one on which the optimum saves less than a tenth of the IAE, or else the optimum."""
     if rule is None:
-        return "none serves here: take the optimum, in the lab or by pidalab.tune"
-    far = f"{rule} has {distance:.2f} times the least IAE in the median"
+        return "No rule works here. Use the optimum, from the lab or pidalab.tune."
+    far = f"{rule} is the best rule. It has {distance:.2f} times the least IAE in the median"
     return (
-        f"{far}: near enough"
-        if 1 - 1 / distance < tables.WORTH
-        else f"none comes near, {far}: take the optimum"
+        f"{far}, so it is good enough." if 1 - 1 / distance < tables.WORTH else f"{far}, so use the optimum."
     )
 
 
@@ -83,7 +81,7 @@ def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
 
     kinds = found["kinds"]
     rows = {
-        "Kind": f"{kinds['loud']} where noise may be loud, {kinds['quiet']} where it must be quiet",
+        "Kind": f"{kinds['loud']} if noise may be loud, {kinds['quiet']} if it must be quiet",
         "Acceleration saves, noise loud": saving("loud"),
         "Acceleration saves, noise quiet": saving("quiet"),
         "Rule, noise loud": advice(found["rule"], found["distance"]),
@@ -93,8 +91,8 @@ def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:
     return (
         f'<div class="map-panel" id="{name}"><p><strong>{escape(title)}</strong>, {len(some)} '
         f"plant{'s' if len(some) > 1 else ''}</p><dl>{text}</dl>"
-        f'<p><a href="{lab(plant, kinds["loud"])}">Open the lab</a> with {escape(plant["plant"])}, typical of these.'
-        "</p></div>"
+        f'<p><a href="{lab(plant, kinds["loud"])}">Open the lab</a> with {escape(plant["plant"])}, a typical plant '
+        "of this field.</p></div>"
     )
 
 
@@ -120,9 +118,9 @@ def shown() -> HTML:
         body.append(f"<tr>{''.join(cells)}</tr>")
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in COLUMNS)
     return HTML(
-        '<div class="plant-map"><table><caption>Acceleration pays on plants that roll off steeply. Each field '
+        '<div class="plant-map"><table><caption>Acceleration pays on plants with a large roll-off. Each field '
         "shows the controller to choose and, below it, how much of the PID's IAE a PIDA saves (median plant, loud "
-        "noise). PIDA is named from 10 % on, PID where it saves as much of the IAE of a PI.</caption>"
+        "noise). PIDA is named if it saves 10 % or more, PID if it saves as much of the IAE of a PI.</caption>"
         f'<thead><tr><td rowspan="2" style="width: 1.6rem"></td><td rowspan="2"></td><th scope="colgroup" '
         f'colspan="{len(COLUMNS)}">normalised dead time</th></tr><tr>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table>{''.join(panels)}</div>"

@@ -54,9 +54,9 @@ def law() -> Markdown:
     named = ", ".join(f"{row.plant} ({100 * row.off:+.0f} points)" for row in far.itertuples())
     error = np.sqrt((off["off"] ** 2).mean())
     return Markdown(
-        f"Where noise may be loud, acceleration saves about **{100 * slope:.0f} % × roll-off "
-        f"{'−' if start < 0 else '+'} {abs(100 * start):.0f} points** of the IAE. This line is off by "
-        f"{100 * error:.0f} points in the root mean square over {len(off)} plants. Farthest from it: {named}."
+        f"With loud noise, acceleration saves about **{100 * slope:.0f} % × roll-off "
+        f"{'−' if start < 0 else '+'} {abs(100 * start):.0f} points** of the IAE. The root-mean-square error of this "
+        f"formula over {len(off)} plants is {100 * error:.0f} points. The largest errors are: {named}."
     )
 
 
@@ -175,7 +175,7 @@ def coverage() -> Markdown:
     own = rows[rows["terms"] == "own"]
     refused = int(own["ms"].isna().sum())
     return Markdown(
-        f"Rules: {rules} of {everything} plants, {own.groupby(['rule', 'kind']).ngroups} rules and kinds, {len(own)} "
-        f"pairs, of which {refused} gave no stable loop or were refused by the rule. "
-        f"Optima: {best} of {everything} plants."
+        f"The rules ran on {rules} of {everything} plants, with {own.groupby(['rule', 'kind']).ngroups} combinations "
+        f"of rule and kind. Of {len(own)} designs, {refused} were refused by the rule or gave no stable loop. "
+        f"The optima cover {best} of {everything} plants."
     )

@@ -1,4 +1,4 @@
-"""heo2023: its examples and controllers for the audit, its figures, rules beside it, and a search."""
+"""heo2023: examples and controllers of the paper, its figures, other rules, and a search for the optimum."""
 
 import math
 import warnings
@@ -27,7 +27,7 @@ SECOND = {ex: pidalab.reduction.to_sopdt(process) for ex, process in EXAMPLES.it
 
 
 def tuned(ex, method, test):
-    """Return a controller of Tables 4 to 6."""
+    """Return a controller of Tables 4 to 6 for an example, a method and a test."""
     if method == "imc":
         return itae.imc_pid(FIRST[ex].process)
     return itae.tune(SECOND[ex].process, test, KINDS[method]).controller
@@ -43,13 +43,13 @@ LOOPS = {case: pidalab.Loop(EXAMPLES[case[0]], C) for case, C in CONTROLLERS.ite
 
 
 def shape(model):
-    """Return the parameters of a model by the names of the tables."""
+    """Return the parameters of a model, with the names that the ledger uses for the tables."""
     found = {"tau": model.tau, "theta": model.delay}
     return found | ({"xi": model.damping} if hasattr(model, "damping") else {})
 
 
 def tunings(C):
-    """Return the tunings of a controller by the names of the tables."""
+    """Return the tunings of a controller, with the names that the ledger uses for the tables."""
     found = {"kc": C.kc, "taui": C.tau_i, "taud": C.tau_d}
     return found | ({"taua": C.tau_a} if C.tau_a else {})
 
@@ -59,12 +59,12 @@ LABELS = {"proposed": "PIDA, proposed", "itae2": "PID, ITAE-2", "imc": "PID, IMC
 
 
 def run(case, until=200):
-    """Return the response of a loop of Tables 4 to 6, a sample each 0.02."""
+    """Return the response of a loop of Tables 4 to 6, sampled every 0.02."""
     return TESTS[case[2]](LOOPS[case], np.linspace(0, until, 50 * until + 1))
 
 
 def draw(ex, until, first):
-    """Draw Figs 2 to 4, and below them the control signal, whose first kick is cut off and written out."""
+    """Draw one of Figs 2 to 4 with the control signal below. Its first kick is cut off and given as text."""
     figure, axes = plt.subplots(2, 2, figsize=(5.6, 3.7))
     for (y, u), test, end in zip(axes.T, TESTS, (first, until), strict=True):
         runs = {
@@ -84,7 +84,7 @@ def draw(ex, until, first):
 
 
 def measured():
-    """Return Figs 2 to 4 in numbers."""
+    """Return a table of measures of the responses of Figs 2 to 4."""
     rows = {}
     for ex, method in product(EXAMPLES, METHODS):
         servo, load = (run((ex, method, test)) for test in TESTS)
@@ -99,14 +99,14 @@ def measured():
 
 
 def live_actuator():
-    """Return a live figure: Example 1 with a limit on u, PID and PIDA by the rules of the paper."""
+    """Return a live figure of Example 1 with a limit on u, for the PID and the PIDA of the paper."""
     model, controllers = SECOND["ex1"].process, {}
     for kind, order in (("PID", 2), ("PIDA", 3)):
         gains = itae.tune(model, "setpoint", kind).controller.gains()
         controllers[kind] = pidalab.HighOrderPID([*gains[: order + 1]], 0.05, order)
     loop = pidalab.Loop(EXAMPLES["ex1"], controllers["PIDA"])
     peak = pidalab.step_response(loop, np.linspace(0, 1, 2001)).u.max()
-    most = 10 * float(np.ceil(peak / 10))  # no limit from there on
+    most = 10 * float(np.ceil(peak / 10))  # a limit of this size never acts
     limit = {"key": "limits", "label": "limit of u", "low": most / 50, "high": most}
     slow = {"key": "filterTime", "label": "filter time", "low": 0.02, "high": 0.5}
     return plots.live(
@@ -116,15 +116,15 @@ def live_actuator():
         knobs=[knob | {"log": True} for knob in (limit, slow)],
         plots=["setpoint", "control"],
         numbers=["iaeSetpoint", "peak", "ms", "sigma"],
-        caption="Raise the limit until nothing is cut off: the PIDA needs more of it than the PID. Or slow the "
-        "filter. Example 1, steps of the set point without a filter for it; PID and PIDA by the paper's rules, each "
-        "with one filter on all its terms, and with clamping at the limit of u.",
+        caption="Raise the limit until nothing is cut off: the PIDA needs a higher limit than the PID. Or make the "
+        "filter slower. The figure has set-point steps of Example 1, without a prefilter. PID and PIDA are tuned by "
+        "the paper's rules, each with one filter on all its terms, and with clamping at the limit of u.",
         lab=True,
     )
 
 
 def ms_map(rule, dampings, ratios):
-    """Return Ms of a rule on models of gain and time constant 1, infinite where unstable."""
+    """Return Ms of a rule on models with gain and time constant 1. It is infinite if the loop is unstable."""
     rows = {}
     for xi, r in product(dampings.tolist(), ratios.tolist()):
         model = unit(xi, r)
@@ -135,9 +135,9 @@ def ms_map(rule, dampings, ratios):
     return pd.DataFrame(rows).T
 
 
-# ---- beyond the paper: a limited actuator, and four rules on models of gain and time constant 1
+# ---- beyond the paper: a limited actuator, and four rules on models with gain and time constant 1
 def limited(C, limit, lag):
-    """Return the set-point step of Example 1, u within ±limit, behind a filter 1/(lag s + 1)²."""
+    """Return the set-point response of Example 1 with u within ±limit and the prefilter 1/(lag s + 1)²."""
     digital = C.discretise(0.001, "tustin", limits=(-limit, limit), anti_windup=None)
     smooth = pidalab.Process([1.0], [lag**2, 2 * lag, 1.0]) if lag else None
     loop = pidalab.Loop(EXAMPLES["ex1"], digital, prefilter=smooth)
@@ -161,12 +161,12 @@ RULES = {
 
 
 def unit(damping, ratio):
-    """Return a model of gain and time constant 1."""
+    """Return a model with gain 1 and time constant 1."""
     return pidalab.sopdt(1.0, 1.0, damping, ratio)
 
 
 def measures(model, controller, test):
-    """Return ITAE, Ms, overshoot in per cent and u(0+) of a loop; infinite ITAE and Ms if it is unstable."""
+    """Return ITAE, Ms, overshoot in per cent and u(0+). An unstable loop has infinite ITAE and Ms."""
     loop = pidalab.Loop(model, controller)
     if not pidalab.is_stable(loop):
         return math.inf, math.inf, math.nan, math.nan
@@ -184,7 +184,7 @@ def measures(model, controller, test):
 def least(model, test, start, ms=math.inf, sharp=1e-3):
     """Search the PIDA of least ITAE from `start`, by a simplex over the logarithms of its parameters.
 
-    `ms`: a bound on Ms, beyond which the cost is steep. `sharp`: how far the parameters are followed.
+    The cost rises steeply if Ms exceeds the bound `ms`. The search ends if the parameters change by less than `sharp`.
     """
     t = np.linspace(0, 60, 3001)
 
@@ -213,7 +213,7 @@ def least(model, test, start, ms=math.inf, sharp=1e-3):
     return controller(x)
 
 
-# ---- how the paper writes what the ledger calls so
+# ---- the notation of the paper for the names in the ledger
 WORDS = {"setpoint": "set point", "itae2": "ITAE-2", "imc": "IMC"}
 WORDS |= {ex: f"Example {ex[2]}" for ex in EXAMPLES}
 WORDS |= {"tau": "τ", "theta": "θ", "xi": "ξ", "kc": "k_c"}

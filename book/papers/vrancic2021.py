@@ -1,4 +1,4 @@
-"""vrancic2021: the processes, designs and rivals that its pages share, and their figures."""
+"""vrancic2021: processes, designs, rivals and figures that the pages of the paper share."""
 
 import control
 import matplotlib.pyplot as plt
@@ -15,25 +15,24 @@ T_S = 0.002  # sample time of Sections 3 and 4, s
 P = {
     1: pidalab.lags(4),  # (18)
     2: pidalab.lags(2, delay=0.5),  # (18)
-    3: pidalab.lags(
-        3, delay=0.5
-    ),  # the process of Tables 3 to 5; (33) prints another one
+    # The process for which Tables 3 to 5 were computed. (33) prints another one.
+    3: pidalab.lags(3, delay=0.5),
     4: pidalab.lags(3, delay=1.0),  # (38)
     5: pidalab.Process([6.0], np.poly([-1, -2, -3])),  # (39)
     6: pidalab.Process([1.0], np.poly([-1, -3, -6])),  # (42); 0.0556 read as 1/18
     7: pidalab.Process([64.0], np.poly([-1, -2, -4, -8])),  # (45)
 }
 
-# %% Tables 3 to 6: process, m, n and wanted noise gain of each row
+# %% Process, m, n and wanted noise gain of each row of Tables 3 to 6
 CASES = {f"table3.khf{k}": (3, 3, 4, k) for k in (2, 5, 10, 20)}
 CASES |= {f"table4.n{n}": (3, 3, n, 10) for n in (3, 4, 5, 6)}
 CASES |= {f"table5.m{m}": (3, m, m + 1, 10) for m in (1, 2, 3, 4)}
 CASES |= {f"table6.m{m}": (4, m, m + 1, 10) for m in (2, 3, 4)}
-REPEATED = "table4.n4", "table5.m3"  # the row of Table 3 for a noise gain of 10
+REPEATED = "table4.n4", "table5.m3"  # Both repeat table3.khf10.
 
 
 def designed(g: int, m: int, n: int, noise_gain: float) -> pidalab.Loop:
-    """Return the loop of a design of Tables 3 to 6: T_F begins at 0.1 and is corrected four times."""
+    """Return the loop of a design of Tables 3 to 6. T_F starts at 0.1 and is corrected four times."""
     design = mo.tune_for_noise(P[g], m, n, noise_gain, T_S, first=0.1, updates=4)
     return design.loop(P[g])
 
@@ -42,7 +41,7 @@ EXAMPLE_1 = tuple((g, m) for g in (1, 2) for m in (1, 2, 3))
 
 
 def example(g: int, m: int) -> pidalab.Loop:
-    """Return the loop of Table 2: n = m, T_F = 0.1."""
+    """Return a loop of Table 2, with n = m and T_F = 0.1."""
     return mo.tune(P[g], m, m, 0.1).loop(P[g])
 
 
@@ -69,7 +68,7 @@ def gains_48() -> tuple[float, ...]:
 
 
 def contest(g: int) -> dict[str, pidalab.Loop]:
-    """Return the loops that Section 5 compares on G_P5, G_P6 or G_P7, the rival last."""
+    """Return the loops that Section 5 compares on G_P5, G_P6 or G_P7. The rival is the last one."""
     if g == 7:
         found = {
             "PID₂²": with_filter_47(gains_48()),
@@ -81,11 +80,8 @@ def contest(g: int) -> dict[str, pidalab.Loop]:
     return {name: pidalab.Loop(P[g], C) for name, C in found.items()}
 
 
-ENDS = {
-    5: (4, 4),
-    6: (4, 4),
-    7: (20, 40),
-}  # ends of the integrals of Tables 7 to 9, in s
+# Ends of the integrals of Tables 7 to 9 for tracking and load, in s.
+ENDS = {5: (4, 4), 6: (4, 4), 7: (20, 40)}
 
 
 def smooth(loop: pidalab.Loop, time: float, order: int = 2) -> pidalab.Loop:
@@ -121,9 +117,9 @@ def draw(
     noise: float = 0.0,
     spans: tuple[tuple[float, float], ...] | None = None,
 ) -> Figure:
-    """Draw outputs above control signals of `both_steps`, a column for each title, over a span each.
+    """Draw outputs and, below them, control signals of `both_steps`. Each title has a column with its time span.
 
-    Bands show two standard deviations of u, for white noise with the given one.
+    The bands show two standard deviations of u. `noise` is the standard deviation of the measurement noise.
     """
     shape = {"sharex": "col", "sharey": "row", "squeeze": False, "figsize": (6.4, 3.6)}
     figure, axes = plt.subplots(2, len(columns), **shape)
@@ -149,7 +145,7 @@ def draw(
 
 
 def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
-    """Draw both steps of the rows of a table, enlarged, with noise of 0.01."""
+    """Draw both steps of the rows of a table, enlarged, with a measurement noise of 0.01."""
     words = {row: WORDS[f"{number}.{row}"].replace("K_HF", "$K_{HF}$") for row in rows}
     loops = {words[row]: loop for row, loop in rows.items()}
     columns, spans = {"set-point step": loops, "load step": loops}, ((0, 5), (15, 20))
@@ -157,7 +153,7 @@ def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
 
 
 def draw_contest(g: int, u_until: float) -> Figure:
-    """Draw the output left, the control signal right; set-point step above load step."""
+    """Draw the output left and the control signal right, with the set-point step above the load step."""
     t, loops = np.linspace(0, 4, 8001), contest(g)
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.9))
     step = {x: pidalab.step_response(smooth(C, 0.01), t) for x, C in loops.items()}
@@ -176,22 +172,22 @@ def draw_contest(g: int, u_until: float) -> Figure:
 
 # %% Names
 def label(m: int, n: int) -> str:
-    """Return PID with m derivatives and a filter of order n as tables and figures write it."""
+    """Return the name of a PID with m derivatives and a filter of order n, for tables and figures."""
     return f"PID{'₀₁₂₃₄₅₆'[n]}{'⁰¹²³⁴'[m]}"
 
 
 def title(key: str) -> str:
-    """Return a row of Tables 3 to 6 as tables and figures write it."""
+    """Return the name of a row of Tables 3 to 6, for tables and figures."""
     _, m, n, noise_gain = CASES[key]
     return f"{label(m, n)}, noise gain {noise_gain}"
 
 
 def plant(g: int) -> str:
-    """Return the name of a process as tables write it."""
+    """Return the name of a process, for tables."""
     return f"Gₚ{'₁₂₃₄₅₆₇'[g - 1]}"
 
 
-# %% How the paper writes what the ledger calls so
+# %% The notation of the paper for the names in the ledger
 WORDS = {f"{x}{k}": f"{x.upper()}{'₀₁₂₃₄₅₆₇₈₉'[k]}" for x in "ak" for k in range(10)}
 WORDS |= {"km1": "K₋₁", "tf": "T_F", "sigma": "σ_rel", "ms": "M_S", "gp6": plant(6)}
 WORDS |= {key: label(m, n) for key, (_, m, n, _) in CASES.items()}

@@ -116,7 +116,7 @@ def read(text):
 
 
 class Instance:
-    """A function block with its variables; `real` makes numbers of the precision of its type."""
+    """A function block with its variables. The function `real` converts numbers to the precision of the type."""
 
     def __init__(self, blocks, name, real=float):
         variables, self._run = blocks[name]

@@ -1,7 +1,7 @@
 """Feed any input to the written code: the control signal stays within its limits.
 
-A sample with a signal that is no number is left out, in all languages alike. So a run with bad samples is the run
-without them, sample for sample: that is the trajectory that it returns to.
+A sample is skipped in all languages if one of its signals is not a number. So the outputs of a run with bad samples
+equal, sample for sample, the outputs of the run without them.
 """
 
 import math
@@ -217,9 +217,10 @@ SPELLS = (*SIGNALS, "all, now and then")
 
 
 def closed(k, code, spell=None):
-    """A lag of 1 in closed loop with some code; rows and outputs. Set point and load step while a spell lasts.
+    """Simulate a lag of 1 in closed loop with written code. Return the rows of inputs, and the outputs.
 
-    In a spell one signal is bad in every sample, in the mode that needs it; or each is bad at times.
+    In a spell, a signal that the mode needs is bad in every sample, or each signal is sometimes bad. Set point and load
+    step during the spell.
     """
     rng = np.random.default_rng(7)
     rows, signals, x = [], [], k.bias
@@ -242,13 +243,13 @@ def closed(k, code, spell=None):
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_a_loop_returns_within_twenty_samples_of_the_last_bad_one(name, tmp_path):
-    """That is: its output and its control signal are those of the loop that had no bad value, to a hundredth.
+def test_a_loop_recovers_within_twenty_samples_of_the_last_bad_value(name, tmp_path):
+    """Output and control signal return to those of the loop without bad values.
 
-    Compared from the twentieth sample after the last bad one on; a hundredth of how far both were apart while a signal
-    was bad, but at least of a step of the set point, which came then, with one of the load. The loops are such that
-    these steps are over within twenty samples, to a hundredth, too, which is asserted of the loop without bad values:
-    so the code is judged, and not how fast a plant is.
+    From the twentieth sample after the last bad value, the difference is at most a hundredth of the largest difference
+    during the spell, or of the step of the set point if this is larger. Set point and load step during the spell. The
+    loop without bad values settles to a hundredth within twenty samples, which is asserted first. So the test judges
+    the code, and not the speed of the plant.
     """
     k = LOOPS[name]
     _, good = closed(k, reference_of(k))

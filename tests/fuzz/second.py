@@ -12,8 +12,8 @@ from scipy import signal
 def response(transform, end, growth=0.0, terms=2**17, fading=14.0):
     """Return times and values of f(t) on [0, end] from F(s), for f that grows no faster than e^(growth t).
 
-    Dubner and Abate's series: along Re s = a it has the period 2 end, and what comes back from later periods is damped
-    by e^-fading. The terms fade out towards the last, so that the cut of the series does not ring.
+    The series of Dubner and Abate along Re s = a has the period 2 end. Values of later periods are damped by e^-fading.
+    The terms decrease smoothly to 0 at the last term, so that truncation of the series causes no ringing.
     """
     period, n = 2 * end, 2 * terms
     a = max(growth, 0.0) + fading / period

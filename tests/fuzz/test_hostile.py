@@ -1,7 +1,7 @@
 """Replace one argument of a public call by a hostile value: an answer, or an error that explains why.
 
-The errors allowed are TypeError and ValueError, and the ArithmeticError of a method that leaves its ground; in words of
-ours. Any warning but that of a doubtful record fails, any other exception, and a number that is not one.
+Allowed errors are TypeError, ValueError, and the ArithmeticError of a method that does not apply, with messages of this
+library. Any other exception, NaN, and any warning except the warning of a doubtful record fails the test.
 """
 
 import re

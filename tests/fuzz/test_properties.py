@@ -32,7 +32,7 @@ def slowed(controller, times):
 @drawn.cases(15)
 @given(drawn.loops(), scales, scales)
 def test_other_units_change_no_response_and_no_margin(loop, times, size):
-    """Time is in a unit shorter by `times`, the output in one smaller by `size`."""
+    """The unit of time is shorter by the factor `times`, and the unit of the output is smaller by the factor `size`."""
     process, controller = slower(loop.process, times), slowed(loop.controller, times)
     gains = (np.asarray(controller.coefficients) / size).tolist()
     other = Loop(

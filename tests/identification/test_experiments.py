@@ -32,7 +32,7 @@ def test_fourth_order_lag_against_exact_crossings():
     assert model.gain == pytest.approx(1.0, abs=1e-12)
 
 
-def test_sampled_crossings_are_the_first_samples_at_or_above_the_levels():
+def test_sampled_crossings_are_first_samples_at_or_above_the_levels():
     model = three_point(T, FOURTH, crossing="sampled")
     for time, level in zip(model.times, (0.05, 0.353, 0.853), strict=True):
         i = int(np.argmax(level <= FOURTH))

@@ -170,7 +170,7 @@ def test_automatic_reset(engine):
 )
 @pytest.mark.parametrize("h", [0.05, 0.4])
 def test_backward_differences(engine, h, way, names):
-    """Also with a sample time of several filter times."""
+    """A sample time of several filter times is included."""
     process, controller = pidalab.lags(3, delay=0.777), pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
     t, limits = h * np.arange(round(30 / h) + 1), (-0.2, 1.1)
     digital = controller.discretise(h, limits=limits, **names)

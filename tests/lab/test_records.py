@@ -1,4 +1,4 @@
-"""Records dropped into the lab, of lags and integrators, with and without noise, give a design."""
+"""Drop records of lags and integrators, with and without noise, into the lab: each gives a design."""
 
 import random
 

@@ -288,7 +288,7 @@ def answers(data, count, seed):
 
 
 def truth(data, given):
-    """Return True if the library finds an answer right, False if wrong, None if it is too near to a limit."""
+    """Return True if an answer is right by the library, False if wrong, None if it is too near to a limit."""
     if data["kind"] == "number":
         key, off = data.get("value", data["key"]["answer"]), data.get("error", 0)
         tolerance = off or data["within"] * abs(key)

@@ -35,7 +35,7 @@ def keeps(design, ms, mks=math.inf):
 
 
 def test_the_search_finds_the_better_of_two_local_optima():
-    """A PIDA near the PID has an IAE of 3.41. One with a slower filter saves a fifth."""
+    """A PIDA near the PID has an IAE of 3.41. A PIDA with a slower filter reduces the IAE by a fifth."""
     pid, pida = (pidalab.optimal.load(THIRD, order, ms=1.4, mks=20.0) for order in (1, 2))
     assert keeps(pid, 1.4, 20.0)
     assert keeps(pida, 1.4, 20.0)
@@ -70,7 +70,7 @@ def test_valleys_list_local_optima_in_any_unit_of_time(second):
     ],
 )
 def test_no_rival_has_a_lower_iae(process, most, h, gains, filter_time):
-    """Two rivals have little of the highest derivative. For the third plant searches missed a limit by a millionth."""
+    """Two rivals have a small highest derivative. For the third plant, a search may miss a limit by a millionth."""
     order = len(gains) - 2
     rival = Loop(process, HighOrderPID(gains, filter_time, order + 1))
     assert pidalab.max_sensitivity(rival)[0] <= 2.0
@@ -97,7 +97,7 @@ def test_noise_gain_is_kept_behind_a_filter_that_can_be_sampled(process, order, 
 
 
 def test_sampled_noise_matches_noise_gain():
-    """Also close to where the sampled loop becomes unstable, and beyond."""
+    """Loops close to the stability limit of the sampled loop and beyond it are included."""
     problem, h = Problem(pidalab.ipdt(1.0, 1.03), 1, (1.0, 1.0)), 0.2
     fine = SampledNoise(problem, h, 12)
     for gain in (0.2, 0.5, 0.7):
@@ -110,7 +110,7 @@ def test_sampled_noise_matches_noise_gain():
 
 
 def test_the_sign_and_the_units_of_a_process_do_not_matter():
-    """The second process is other and has other units of time and gain."""
+    """The process also has other units of time and gain."""
     plain = pidalab.optimal.load(pidalab.fopdt(1.0, 2.0, 1.0), 0, ms=1.5)
     other = pidalab.optimal.load(pidalab.fopdt(-4.0, 120.0, 60.0), 0, ms=1.5)
     assert other.iae == pytest.approx(60 * 4 * plain.iae, rel=1e-4)
@@ -246,8 +246,8 @@ def test_an_optimum_meets_its_conditions():
     loop, x = search.loop(ends[0].x), ends[0].x
     assert pidalab.max_sensitivity(loop)[0] == pytest.approx(1.4, rel=2e-9)
     assert pidalab.robustness.max_control_sensitivity(loop)[0] == pytest.approx(20.0, rel=2e-9)
-    # active limits as equations: their slopes, by differences of the measures, leave directions along which
-    # the IAE of the engine is level
+    # Along directions that keep the active limits, the IAE of the engine has slope 0. The slopes of the limits are
+    # differences of the measures.
     t = np.linspace(0.0, 200.0 * unit, 8001)
     measures = (
         lambda x: math.log(pidalab.max_sensitivity(search.loop(x))[0]),
@@ -318,10 +318,10 @@ def test_the_progress_bar_starts_no_thread(monkeypatch):
     pidalab.optimal.load(pidalab.fopdt(1.0, 1.0, 1.0), 0)
 
 
-# The optimum against a lower bound for PI controllers, and against optima of high precision.
+# Compare the optimum with a lower bound for PI controllers, and with optima of high precision.
 #
-# The IAE of the search is that of straight lines between samples, so its least value is off by END at most, as the
-# optimum is level; the limits are kept to a billionth.
+# The search computes the IAE with straight lines between samples. Since the optimum is flat, the least IAE is wrong by
+# at most END. The limits are kept to a billionth.
 
 END = 1e-6
 

@@ -57,9 +57,9 @@ def worst_error(case, points):
 
 
 def scale(case, name, signal, i):
-    """Return the scale of an error at time number i: max(1, |value|).
+    """Return the scale of an error at the time with index i, by default max(1, |value|).
 
-    After a peak of the control signal the scale is the peak, for a diverging response the running envelope.
+    After a peak of the control signal, the scale is the peak. For a diverging response it is the running envelope.
     """
     values = np.abs(np.array(case["values"][name][signal][: i + 1], dtype=float))
     envelope = case["envelope"][name][signal][i] if "envelope" in case else 0.0

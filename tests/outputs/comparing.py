@@ -1,22 +1,23 @@
-"""Stored outputs of a notebook beside fresh ones: text to the letter, figures by what they draw.
+"""Compare stored outputs of a notebook with fresh outputs: text exactly, figures by what they draw.
 
-nbval compares outputs as strings. That is right for text, which shows determined digits only. A figure is an SVG whose
-coordinates carry six decimals, and the last of them depend on the processor. So an SVG is compared element by element:
+nbval compares outputs as strings. This is right for text, which shows only digits that are the same on every processor.
+But a figure is an SVG whose coordinates have six decimals, and the last decimals depend on the processor. So an SVG is
+compared element by element:
 
-* the same elements in the same order, the same words, names and line styles;
-* coordinates within a thousandth of the axes they belong to (of the figure, outside of axes), or a quarter of a point
-  where that is more: a seventh of the width of a line;
-* colours within two of 255 levels, other numbers to a thousandth of themselves;
-* a line by its course. Matplotlib leaves out points that lie within a ninth of a point of the line through their
-  neighbours, and rounding decides which. Where the points differ, no place of either line may be farther from the
-  other line than the tolerance.
+* Elements and their order, words, names and line styles must be the same.
+* Coordinates may differ by a thousandth of the size of their axes (outside axes, of the figure) or by a quarter of a
+  point, whichever is larger. A quarter of a point is a seventh of the width of a line.
+* Colours may differ by two of 255 levels, and other numbers by a thousandth of their value.
+* Lines are compared by their course. Matplotlib drops points that lie within a ninth of a point of the line through
+  their neighbours, and rounding decides which points are dropped. If the points differ, each line must stay within the
+  tolerance of the other line.
 
-Names that are made from the coordinates (of markers and clip paths) are not compared; what they refer to is. The
-numbers that a live figure starts from are compared to one part in 10,000. Everything else is left to nbval.
+Names of markers and clip paths depend on the coordinates. So these names are not compared, but the elements to which
+they refer are. The start values of a live figure are compared to one part in 10,000. nbval compares everything else.
 
-A tolerance has no edges, unlike a rounded digit: 0.04999 and 0.05001 are near each other.
+Numbers are compared with tolerances, not as rounded digits, since 0.04999 and 0.05001 round differently.
 
-As a plug-in of pytest the module makes nbval compare like this.
+This module is a plug-in of pytest that changes how nbval compares outputs.
 """
 
 import base64
@@ -32,7 +33,7 @@ from matplotlib.image import imread
 from nbval.plugin import IPyNbCell
 
 THOUSANDTH = 1e-3
-HAIR = 0.25  # points; two lines that are simplified differently may be 2/9 apart
+HAIR = 0.25  # in points; two lines that are simplified differently may be 2/9 apart
 LEVELS = 2  # of 255, of a colour: a hundredth of a colour axis
 DESIGN = 1e-4  # of a number that a live figure starts from, written with six digits
 
@@ -50,7 +51,7 @@ Tolerance = tuple[float, float]
 
 
 class Different(Exception):
-    """Two figures do not draw the same; the message says where, and how far apart they are."""
+    """Raised if two figures do not draw the same. The message gives the place and the difference."""
 
 
 def figure_difference(stored: str, fresh: str) -> str | None:
@@ -64,7 +65,7 @@ def figure_difference(stored: str, fresh: str) -> str | None:
     Returns
     -------
     str or None
-        The first difference in words, or None where both draw the same.
+        The first difference in words, or None if both draw the same.
     """
     if stored == fresh:
         return None
@@ -76,7 +77,7 @@ def figure_difference(stored: str, fresh: str) -> str | None:
 
 
 def live_difference(stored: str, fresh: str) -> str | None:
-    """Compare two outputs in HTML, where a live figure keeps what it starts from as JSON.
+    """Compare two outputs in HTML. A live figure stores its start values there as JSON.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def live_difference(stored: str, fresh: str) -> str | None:
     Returns
     -------
     str or None
-        The first difference in words, or None. Whatever is no such JSON is compared to the letter.
+        The first difference in words, or None. Everything except this JSON must be identical.
     """
     if stored == fresh:
         return None
@@ -138,7 +139,7 @@ def _numbers(text: str) -> np.ndarray:
 
 @dataclass
 class _Pair:
-    """A stored figure and a fresh one."""
+    """A stored figure and a fresh figure, to be compared."""
 
     stored: Element
     fresh: Element
@@ -163,7 +164,7 @@ class _Pair:
         return iter((self.stored, self.fresh))
 
     def walk(self, a: Element, b: Element, within: Tolerance, here: str) -> None:
-        """Compare two elements and what they contain."""
+        """Compare two elements and their contents."""
         if _tag(a) != _tag(b) or (a.text or "").strip() != (b.text or "").strip():
             raise Different(f"{here}: {_said(a)} stored, {_said(b)} now")
         if (name := a.get("id", "")) and not GENERATED.fullmatch(name):
@@ -178,7 +179,7 @@ class _Pair:
             raise Different(f"{here}: {len(inside[0])} parts stored, {len(inside[1])} now")
 
     def attributes(self, a: Element, b: Element, within: Tolerance, here: str) -> None:
-        """Compare the attributes of two elements, each by its kind."""
+        """Compare the attributes of two elements. The comparison depends on the kind of attribute."""
         if a.keys() != b.keys():
             raise Different(f"{here}: attributes {a.keys()} stored, {b.keys()} now")
         for key, old in a.items():
@@ -207,7 +208,7 @@ class _Pair:
                 raise Different(f"{here}: {name} {old[:80]!r} stored, {new[:80]!r} now")
 
     def referred(self, old: str, new: str, within: Tolerance, here: str) -> None:
-        """Compare what two attributes refer to."""
+        """Compare the elements to which two attributes refer."""
         names = [next(filter(None, REFERENCE.search(text).groups())) for text in (old, new)]
         if not all(map(GENERATED.fullmatch, names)) and names[0] != names[1]:
             raise Different(f"{here}: {names[0]} stored, {names[1]} now")
@@ -225,14 +226,14 @@ def _tolerance(width: float, height: float) -> Tolerance:
 
 
 def _of_axes(axes: Element) -> Tolerance | None:
-    """Tolerance in axes, from their frame; None where no frame is drawn."""
+    """Return the tolerance within axes, from the size of their frame. Return None if no frame is drawn."""
     frame = next((part for part in axes if (part.get("id") or "").startswith("patch_")), None)
     path = None if frame is None else next((part for part in frame if _tag(part) == "path"), None)
     return None if path is None else _tolerance(*np.ptp(_points(path.get("d"))[1], axis=0))
 
 
 def _same_transform(old: str, new: str, within: Tolerance) -> bool:
-    """Compare moves within the tolerance, and turns and scales to a thousandth."""
+    """Compare translations within the tolerance, and rotations and scales to a thousandth."""
     calls = [re.findall(r"(\w+)\((.*?)\)", text) for text in (old, new)]
     if [name for name, _ in calls[0]] != [name for name, _ in calls[1]]:
         return False
@@ -245,7 +246,7 @@ def _same_transform(old: str, new: str, within: Tolerance) -> bool:
 
 
 def _same_words(old: str, new: str) -> bool:
-    """Compare words to the letter, colours and numbers among them within their tolerances."""
+    """Compare texts. Words must be identical, colours and numbers must agree within their tolerances."""
     levels = [
         np.array([[int(c[i : i + 2], 16) for i in (0, 2, 4)] for c in COLOUR.findall(text)])
         for text in (old, new)
@@ -271,7 +272,7 @@ def _points(path: str) -> tuple[str, np.ndarray]:
 
 
 def _same_course(old: str, new: str, within: Tolerance, here: str) -> None:
-    """Compare two paths, point by point or, where the points differ, by the course of their lines."""
+    """Compare two paths point by point or, if the points differ, by the course of their lines."""
     (commands, a), (others, b) = _points(old), _points(new)
     a, b = a / within, b / within
     if commands == others and np.all(np.abs(a - b) <= 1.0):
@@ -299,7 +300,7 @@ def _segments(commands: str, points: np.ndarray) -> np.ndarray:
 
 
 def _farthest(lines: np.ndarray, others: np.ndarray) -> float:
-    """Return the largest distance of a place on lines from the others, looking every twenty tolerances."""
+    """Return the largest distance of points on lines from other lines. The points are twenty tolerances apart."""
     count = np.ceil(np.hypot(*np.diff(lines, axis=1)[:, 0].T) / 20).astype(int) + 1
     share = np.concatenate([np.linspace(0.0, 1.0, n) for n in count])[:, None]
     start, end = (np.repeat(lines[:, k], count, axis=0) for k in (0, 1))
@@ -323,7 +324,7 @@ to_the_letter = IPyNbCell.compare_outputs
 
 
 def compare_outputs(cell: IPyNbCell, test, ref, skip_compare=None) -> bool:
-    """Compare a cell's figures by what they draw; nbval finds them equal then, and compares whatever else there is."""
+    """Return True if the figures of a cell draw the same, and if nbval finds all other outputs equal."""
     found = []
     for kind, difference in COMPARED.items():
         stored, fresh = (
@@ -333,7 +334,7 @@ def compare_outputs(cell: IPyNbCell, test, ref, skip_compare=None) -> bool:
         for old, new in zip(stored, fresh, strict=False):
             if (words := difference(old[kind], new[kind])) is not None:
                 found.append(f" mismatch {kind!r}: {words}")
-            if words is None or kind == FIGURE:  # of two texts nbval shows the difference
+            if words is None or kind == FIGURE:  # nbval shows the difference of two texts
                 new[kind] = old[kind]
     same = to_the_letter(cell, test, ref, skip_compare)
     cell.comparison_traceback += found
@@ -341,5 +342,5 @@ def compare_outputs(cell: IPyNbCell, test, ref, skip_compare=None) -> bool:
 
 
 def pytest_configure() -> None:
-    """Let nbval compare in this way."""
+    """Let nbval compare outputs with this module."""
     IPyNbCell.compare_outputs = compare_outputs

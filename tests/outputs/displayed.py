@@ -1,9 +1,9 @@
-"""Numbers that pages show outside the ledger, each with the second way that holds it.
+"""Compute numbers that pages show outside the ledger by a second method.
 
-nbval proves that a page still computes what it shows, not that it is right. Each entry of `SHOWN` finds numbers in the
-stored outputs or sentences of a page, and computes them again without the library: by closed forms, on a dense grid of
-frequencies, by a Fourier series of the transform, or from the tables that studies wrote. `drawn` does so for a row of
-such a table. Each entry of `SAME` finds two places that show the same quantity.
+nbval proves that a page still computes the numbers that it shows, but not that they are right. Each entry of `SHOWN`
+finds numbers in the stored outputs or sentences of a page, and computes them again without the library. The second
+method is a closed form, a dense grid of frequencies, a Fourier series of the transform, or a table that a study wrote.
+`drawn` computes a row of such a table again. Each entry of `SAME` finds two places that show the same quantity.
 """
 
 import csv
@@ -45,7 +45,7 @@ def text_of(page: str) -> str:
 
 
 def table_rows(html: str) -> list[str]:
-    """Return the rows of tables, their cells parted by bars; a label that spans rows stands in each."""
+    """Return the rows of tables, with bars between cells. A label that spans several rows is repeated in each row."""
     found, label, left = [], "", 0
     for row in re.findall(r"<tr.*?</tr>", html, re.DOTALL):
         cells = [
@@ -61,13 +61,13 @@ def table_rows(html: str) -> list[str]:
 
 
 def numbers(page: str, pattern: str) -> list[str]:
-    """Return the numbers of the first place that the pattern finds; none if there is no such place."""
+    """Return the numbers of the first match of a pattern, or no numbers if the pattern does not match."""
     found = re.search(pattern, text_of(page))
     return [one.replace("−", "-") for one in found.groups()] if found else []
 
 
 def half_unit(text: str) -> float:
-    """Return half a unit of the last place."""
+    """Return half a unit of the last written place of a number."""
     return 0.5 * 10.0 ** -len(text.partition(".")[2])
 
 
@@ -90,12 +90,12 @@ def controller(ki, kp, kd=0.0, ka=0.0, tf=0.0, n=0):
 
 
 def standard(kp, ti, td=0.0, ta=0.0, tf=0.0, n=3):
-    """Return a controller of gain and times; `ta` multiplies s squared."""
+    """Return a controller with given gain and times. The time `ta` multiplies s squared."""
     return controller(kp / ti, kp, kp * td, kp * ta, tf, n)
 
 
 def largest(values):
-    """Return the top of a curve, between the points of a grid."""
+    """Return the maximum of a curve, also between the points of the grid."""
     k = int(np.argmax(values))
     if not 0 < k < len(values) - 1:
         return float(values[k])
@@ -104,7 +104,7 @@ def largest(values):
 
 
 def ms(control, plant=lags):
-    """Return the largest sensitivity, on a grid."""
+    """Return the maximum sensitivity, computed on a grid."""
     s = 1j * GRID
     return largest(1 / np.abs(1 + plant(s) * control(s)))
 
@@ -132,13 +132,16 @@ def lecture_1() -> dict[str, tuple[float, float]]:
 
 
 def with_three_lags(kind: str) -> list[float]:
-    """Return gain, Ms and IAE of one of them, then 1/ki twice, since it is the IE, and the IAE."""
+    """Return gain, Ms and IAE of one of these controllers, and then 1/ki twice, since it equals both IE and IAE."""
     k, error, integral = lecture_1()[kind]
     return [k, 1.4, error, 1 / integral, 1 / integral, error]
 
 
 def sampled_ms(h: float) -> float:
-    """Return Ms of the PIDA of lecture 6 by backward differences, its plant held; the dead time is whole samples."""
+    """Return Ms of the PIDA of lecture 6 by backward differences, with a held plant input.
+
+    The dead time is a whole number of samples.
+    """
     a, b, c, _, _ = cont2discrete(tf2ss([1.0], [1.0, 3.0, 3.0, 1.0]), h, "zoh")
     w = np.linspace(1e-3, pi / h, 4001)
     z = np.exp(1j * h * w)
@@ -148,7 +151,7 @@ def sampled_ms(h: float) -> float:
 
 
 def proportional_gain(wanted: float) -> list[float]:
-    """Return the gain of the integrator with dead time that has this Ms."""
+    """Return the gain with which a loop of an integrator with dead time has this Ms."""
     return [brentq(lambda k: ms(lambda s: k, integrator) - wanted, 0.1, 1.2, xtol=1e-6)]
 
 
@@ -166,7 +169,7 @@ FRONTIER = BOOK / "data" / "frontier.csv"
 
 
 def plants(kept: Callable[[dict[str, str]], bool]) -> list[str]:
-    """Return the plants of the batch that are kept."""
+    """Return the plants of the batch that the study keeps."""
     return [
         row["plant"] for row in table(PROCESSES) if row["family"] not in ("frontier", "map") and kept(row)
     ]
@@ -182,7 +185,7 @@ def least(path: Path, ms: str = "1.4") -> dict[tuple[str, ...], float]:
 def saved(
     path: Path, noise: str = "", order: int = 2, ms: str = "1.4", of: Sequence[str] = ()
 ) -> list[float]:
-    """Return what an order saves of the IAE of the one below, in per cent, for some plants or all."""
+    """Return by how many per cent an order reduces the IAE of the next lower order, for some plants or all plants."""
     known = least(path, ms)
     return [
         100 - 100 * known[key] / known[lower]
@@ -193,7 +196,7 @@ def saved(
 
 
 def of_class(name: str) -> list[float]:
-    """Return what PIDA and PID save in the median, noise loud and quiet, and the plants of a class."""
+    """Return the median savings of PIDA and PID with much and little noise, and the plants of a class."""
     low, high = CLASSES[name]
     some = plants(lambda row: low < float(row["dead_time"]) <= high)
     medians = [median(saved(OPTIMA, noise, order, of=some)) for order in (2, 1) for noise in ("1.5", "0.3")]
@@ -201,7 +204,10 @@ def of_class(name: str) -> list[float]:
 
 
 def of_rolloff(name: str) -> list[float]:
-    """Return the plants of a roll-off, and what PIDA saves: loud in the median, least and most; quiet."""
+    """Return the plants of a roll-off, and the savings of PIDA.
+
+    The savings are the median, the least and the most with much noise, and the saving with little noise.
+    """
     low, high = ROLLOFFS[name]
 
     def kept(row: dict[str, str]) -> bool:
@@ -218,7 +224,10 @@ def of_rolloff(name: str) -> list[float]:
 
 
 def ranked(rule: str, kind: str) -> list[float]:
-    """Return the plants that a rule serves, and its IAE over the best of its kind and of all: medians, worst tenth."""
+    """Return the plants to which a rule applies, and its IAE divided by the best IAE of its kind and of all kinds.
+
+    The ratios are given as medians and as the limit of the worst tenth.
+    """
     known, order = least(OPTIMA), str(("PI", "PID", "PIDA").index(kind))
     of_kind, of_all = [], []
     for row in table(COMPARISON):
@@ -230,7 +239,7 @@ def ranked(rule: str, kind: str) -> list[float]:
 
 
 def as_published(rule: str, kind: str) -> list[float]:
-    """Return plants, Ms in the median and its highest tenth, noise, and the loops that a wrong model makes unstable."""
+    """Return plants, median and highest tenth of Ms, noise, and loops that are unstable because of a wrong model."""
     rows = [
         row
         for row in table(COMPARISON)
@@ -243,9 +252,9 @@ def as_published(rule: str, kind: str) -> list[float]:
 
 
 def drawn(path: Path, rng: np.random.Generator) -> tuple[str, list[float], list[float]]:
-    """Draw an optimum of a study: its plant; Ms, IAE and relative noise gain as stored, and from its gains.
+    """Draw an optimum of a study. Return its plant, and Ms, IAE and relative noise gain as stored and from its gains.
 
-    The noise gain is that of the controller in continuous time, behind noise that is held: about a per cent lower.
+    The second noise gain is that of the continuous controller with held noise, which is about a per cent lower.
     """
     row = rng.choice([row for row in table(path) if row["iae"] and row["order"] in ("1", "2")])
     (plant,) = (one for one in table(PROCESSES) if one["plant"] == row["plant"])
@@ -278,7 +287,7 @@ def lower_peaks() -> list[float]:
 
 
 def frontier(order: int, ms: str) -> list[float]:
-    """Return what an order saves on the frontier: median, largest, and the plants where it reaches a tenth."""
+    """Return the savings of an order on the frontier: median, largest, and number of plants with at least a tenth."""
     names = {plant for plant, *_ in least(FRONTIER)}
     tenth = sum(max(saved(FRONTIER, order=order, ms=ms, of=[name]), default=0) >= 10 for name in names)
     every = saved(FRONTIER, order=order, ms=ms)
@@ -286,7 +295,7 @@ def frontier(order: int, ms: str) -> list[float]:
 
 
 def shortest_filter(order: int) -> list[float]:
-    """Return the shortest filter of lecture 4: by the formula, and where the gain at a phase of −180° reaches 1."""
+    """Return the shortest filter of lecture 4, by its formula and as the filter with which the gain at −180° is 1."""
 
     def excess(tf):
         s = 1j * np.linspace(5, 200, 400_001)
@@ -307,13 +316,13 @@ def best(limit: float) -> tuple[float, float]:
 
 
 def landing(limit: float) -> float:
-    """Return what PIDA saves on the landing page in per cent."""
+    """Return by how many per cent PIDA reduces the IAE on the landing page."""
     pid, pida = best(limit)
     return 100 - 100 * pida / pid
 
 
 def strangers() -> list[float]:
-    """Return plants, and shares in per cent: refused, true Ms at most 2, within what was reported."""
+    """Return the plants, and the shares that are refused, have a true Ms of at most 2, or keep the reported Ms."""
     rows = table(BOOK / "data" / "strangers.csv")
     made = [(float(row["ms_true"]), float(row["ms_worst"])) for row in rows if row["ms_true"]]
     shares = (len(rows) - len(made)) / len(rows), sum(a <= 2.0005 for a, _ in made) / len(made)
@@ -322,7 +331,7 @@ def strangers() -> list[float]:
 
 
 def foreign() -> list[float]:
-    """Return records, those in open loop, designs, and their share in per cent."""
+    """Return the numbers of records, of records in open loop and of designs, and the share of designs in per cent."""
     rows = table(BOOK / "data" / "foreign.csv")
     readable = [row for row in rows if row["experiment"] and not row["remark"]]
     served = sum(row["result"] == "a PID" for row in readable)
@@ -330,7 +339,7 @@ def foreign() -> list[float]:
 
 
 def portraits() -> list[float]:
-    """Return the seconds of one worker, their ratio to all, and the seconds of two."""
+    """Return the seconds with one worker, the ratio to all workers, and the seconds with two workers."""
     rows = table(BOOK / "data" / "portrait_comparison.csv")
     seconds = {row["method"]: float(row["seconds"]) for row in rows}
     one = seconds["portrait, one worker"]
@@ -353,7 +362,7 @@ def span(rows: Sequence[dict[str, str]], key: str, unit: float = 1.0) -> list[fl
 
 
 def faster(quantity: str, method: str) -> list[float]:
-    """Return in how many rows a method took less time than pidalab, of how many, and the range of their ratios."""
+    """Return in how many rows a method took less time than pidalab, the number of rows, and the range of the ratios."""
     rows = timed(quantity, method)
     less = [row for row in rows if float(row["ratio"]) < 1]
     return [len(less), len(rows), *span(less, "ratio")]
@@ -383,7 +392,7 @@ def optima_in(plant: str, k: int) -> list[float]:
 
 
 def tank() -> list[float]:
-    """Return ultimate gain and a hundredth of the ultimate period of three lags of 20 behind a dead time of 20."""
+    """Return the ultimate gain, and a hundredth of the ultimate period, of three lags of 20 with a dead time of 20."""
     w = brentq(lambda w: 3 * np.arctan(20 * w) + 20 * w - pi, 0.01, 0.1)
     return [(1 + (20 * w) ** 2) ** 1.5 / 0.8, 2 * pi / w / 100]
 
@@ -415,7 +424,7 @@ def fitted_step() -> list[float]:
 def designed() -> dict[str, list[float]]:
     """Return Ms and IAE with the model, and Ms with the true plant, of the three controllers of *Design*.
 
-    The library fits and designs; its parameters are put into transfer functions here.
+    The library fits and designs. This function evaluates the transfer functions of its parameters.
     """
     record = pidalab.Record.read_csv(
         BOOK / "data" / "plant_record.csv", time="time", u="valve", y="temperature"
@@ -438,12 +447,12 @@ def designed() -> dict[str, list[float]]:
 
 
 def hump(n: int) -> float:
-    """Return the top of x/(1 + x²)^(n/2)."""
+    """Return the maximum of x/(1 + x²)^(n/2)."""
     return sqrt((n - 1) ** (n - 1) / n**n)
 
 
 def humps(n: int) -> list[float]:
-    """Return it, by two ways on the page, and the square root of n times it."""
+    """Return this maximum by two formulas of the page, and the maximum times the square root of n."""
     return [hump(n), hump(n), sqrt(n) * hump(n)]
 
 
@@ -474,7 +483,7 @@ PUBLISHED = [
     ("SIMC", "PID"),
 ]
 
-# Page, pattern with a group for each number, and the second way.
+# Each entry has a page, a pattern with a group for each number, and the second method.
 SHOWN = [
     *(
         (
@@ -628,7 +637,7 @@ SHOWN = [
     ),
 ]
 
-# Two places that show the same.
+# Each entry has two places that show the same numbers.
 SAME = [
     ((TWO, rf"local searches ended: .*; PID {N}"), (TWO, rf"noise 1\.5: PID {N}, PIDA")),
     ((TWO, rf"\nIAE {N}, Ms 1\.400, relative noise gain 0\.50"), (TWO, rf"noise 0\.5: PID [\d.]+, PIDA {N}")),

@@ -1,4 +1,4 @@
-"""Figures compared by what they draw: rounding passes, an error of one per cent in a curve does not."""
+"""Check the comparison of figures: rounding passes, an error of one per cent in a curve does not."""
 
 import io
 import re
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 
 def drawn(x=1.0, *, size=5, label="PI", colour="#1f5fa8", until=10.0, simplify=1 / 9, picture=0.5):
-    """Draw some of everything: a curve, markers, an area, a map of colours, and words."""
+    """Draw a curve, markers, an area, a colour map and words."""
     figure = Figure(figsize=(5, 3))
     FigureCanvasSVG(figure)
     left, right = figure.subplots(1, 2)
@@ -33,7 +33,7 @@ def drawn(x=1.0, *, size=5, label="PI", colour="#1f5fa8", until=10.0, simplify=1
 
 
 @pytest.mark.parametrize("other", [{}, {"x": 1 + 1e-6}, {"simplify": 1 / 30}, {"picture": 0.502}], ids=str)
-def test_what_draws_the_same(other):
+def test_figures_that_draw_the_same_are_equal(other):
     assert figure_difference(drawn(), drawn(**other)) is None
 
 
@@ -49,7 +49,7 @@ def test_what_draws_the_same(other):
     ],
     ids=str,
 )
-def test_what_does_not(other, words):
+def test_figures_that_draw_other_things_differ(other, words):
     assert re.search(words, figure_difference(drawn(), drawn(**other)))
 
 

@@ -1,4 +1,4 @@
-"""A number that a page shows is held by something else than the run that stored it."""
+"""Check numbers that pages show by a second method."""
 
 import re
 
@@ -8,7 +8,7 @@ from displayed import FRONTIER, OPTIMA, SAME, SHOWN, drawn, half_unit, numbers
 
 
 def wrong(shown, values):
-    """List the numbers that do not round to their second values."""
+    """List the shown numbers to which the numbers of the second method do not round."""
     if not len(shown) == len(values) > 0:
         return [f"found {len(shown)} numbers on the page, {len(values)} were expected"]
     pairs = zip(shown, values, strict=True)
@@ -20,10 +20,10 @@ def wrong(shown, values):
 
 
 @pytest.mark.parametrize(("page", "pattern", "second_way"), SHOWN)
-def test_a_displayed_number_is_computed_in_a_second_way(page, pattern, second_way):
+def test_displayed_numbers_match_a_second_method(page, pattern, second_way):
     found, values = numbers(page, pattern), second_way()
     assert wrong(found, values) == []
-    for k, text in enumerate(found):  # whoever changes one of them is noticed
+    for k, text in enumerate(found):  # a changed digit of any number must be noticed
         digit = re.search(r"\d(?=\D*$)", text)
         other = f"{text[: digit.start()]}{(int(digit[0]) + 5) % 10}{text[digit.end() :]}"
         assert wrong([*found[:k], other, *found[k + 1 :]], values) != []
@@ -38,7 +38,7 @@ def test_two_places_show_the_same_number(one, other):
 
 
 @pytest.mark.parametrize("path", [OPTIMA, FRONTIER], ids=lambda path: path.stem)
-def test_drawn_optima_of_a_study_are_what_it_stores(path):
+def test_random_optima_of_a_study_match_the_stored_values(path):
     for _ in range(3):
         plant, (*stored, noise), (*found, continuous) = drawn(path, np.random.default_rng())
         assert found == pytest.approx(stored, rel=5e-4), plant

@@ -1,4 +1,4 @@
-"""Provide a small ledger, complete and right, which tests break."""
+"""Provide a small, complete and correct ledger, which tests then damage."""
 
 import csv
 import json
@@ -37,7 +37,7 @@ def ledger(*rows: Row) -> Ledger:
 
 
 def hand_over(book: Ledger) -> None:
-    """Hand over everything that the demo computes."""
+    """Pass all results of the demo to a ledger."""
     book.compare(NUMBERS)
     book.decide("s1", (3.1, 4.2))
     book.decide("s2", (2, 0))

@@ -35,7 +35,7 @@ def test_a_whole_page(project, capsys):
     assert capsys.readouterr().out == line + "1 disagree with another printed value\n"
 
 
-def test_a_page_owes_its_own_rows(project, capsys):
+def test_a_page_must_pass_only_its_own_rows(project, capsys):
     Ledger.open("demo").close()  # the chapter has no rows
     assert failures(Ledger.open("demo", "audit/demo").close)[0] == "demo.t1.kp: never handed over"
 
@@ -46,7 +46,7 @@ def test_open_searches_upward(project, monkeypatch):
     assert Ledger.open("demo", folder=project / "book" / "ledger").paper == "demo"
 
 
-def test_open_names_what_there_is(project, tmp_path_factory, monkeypatch):
+def test_open_lists_the_existing_ledgers(project, tmp_path_factory, monkeypatch):
     for name in ("manifest.csv", "removed.csv"):
         (project / "book" / "ledger" / name).write_text("", encoding="utf-8")
     assert "there are: demo" in failures(Ledger.open, "dmeo")[0]
@@ -154,7 +154,7 @@ def test_fewer_digits_need_a_reason():
     ledger(row).compare({"t1.kp": 1.3098}, digits=4)
 
 
-def test_swallowed_errors_return_when_the_ledger_is_closed(project):
+def test_suppressed_errors_are_raised_again_by_close(project):
     book = Ledger.open("demo", page="audit/demo")
     for call in (lambda: book.compare({"t1.kp": 7.0}), lambda: book.decide("s1", (5.2, 4.2))):
         with pytest.raises(LedgerError):

@@ -28,7 +28,7 @@ SAID = {
 }
 
 
-def test_the_page_alone_is_enough(tmp_path):
+def test_the_instructions_of_the_page_are_sufficient(tmp_path):
     ledger = tmp_path / "book" / "ledger" / "doe2030.csv"
     ledger.parent.mkdir(parents=True)
     ledger.write_text(FILES["book/ledger/doe2030.csv"], encoding="utf-8")

@@ -31,7 +31,7 @@ PATH = Path("book", "ledger", "demo.csv")
 PAGE = Path("book", "audit", "demo.ipynb")
 
 
-def test_what_cells_print_and_return(project):
+def test_output_and_results_of_cells(project):
     write_notebook(PAGE, "x = 2\nprint(x)\nx + 1", "%matplotlib inline\nx = 4", "x")
     assert list(execute(PAGE)) == ["2\n3", "", "4"]
 
@@ -85,7 +85,7 @@ def test_a_row_belongs_to_the_first_page_that_closes_the_ledger(project):
     assert update("demo").changes == ["demo.t1.ti: page 'audit/demo' -> 'demo'"]
 
 
-def test_update_reports_what_is_left(project):
+def test_update_reports_unresolved_rows(project):
     write_rows(PATH, [*ROWS, replace(KP, id="demo.new", computed=""), replace(S1, id="demo.s9", evidence="")])
     assert update("demo").problems == [
         "demo.new: 'computed' is empty",
@@ -234,7 +234,7 @@ def test_commands(project, capsys):
     assert f"{page}: rewritten" in out
 
 
-def test_a_new_paper_says_what_it_lacks(project, capsys):
+def test_missing_places_of_a_new_paper_are_listed(project, capsys):
     (project / "README.md").write_text("<!-- score --><!-- /score -->\n", encoding="utf-8")
     (project / "book" / "references.bib").write_text("", encoding="utf-8")
     (project / "CITATION.cff").write_text("", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Perturb a library: what a page computes with it moves, and each way of copying a number is noticed."""
+"""Perturb a library: numbers that a page computes with it change, and copied numbers are detected."""
 
 import json
 import os
@@ -152,7 +152,7 @@ def rows_of(values, **columns):
 
 
 def shaken(project, rows, *cells, stored=True):
-    """Store what a page hands over, then shake the library that it uses."""
+    """Store the results of a page, and then run the page with a changed library."""
     write_rows(project / "book" / "ledger" / "demo.csv", rows)
     (project / "book" / "audit" / "demo.ipynb").unlink(missing_ok=True)
     write_notebook(project / "book" / "demo.ipynb", SETUP, *cells)
@@ -172,14 +172,14 @@ def shake_demo(said):
     sys.exit(status)
 
 
-def test_what_the_library_computes_moves(library):
+def test_computed_numbers_change(library):
     cells = [f"book.compare({{{id!r}: {code}}})" for id, code in INNOCENT.items()]
     status, said = shaken(library, rows_of(INNOCENT), *cells, "book.close()")
     assert said == "demo: 14 of 15 rows move, 1 say why they stay\n"
     assert status == 0
 
 
-def test_each_copied_number_is_noticed(library):
+def test_each_copied_number_is_detected(library):
     cells = [f"b = book\nb.compare({{{id!r}: {code}}})" for id, (code, _) in GUILTY.items()]
     status, said = shaken(library, rows_of(GUILTY), *cells, "book.close()")
     assert status == 1
@@ -189,7 +189,7 @@ def test_each_copied_number_is_noticed(library):
     assert "(demo, cell 2)" in lines["typed"]
 
 
-def test_statements_move_too(library):
+def test_statements_change_too(library):
     made = {"s1": "", "s2": "", "s3": "", "s4": "count: poles"}
     relations = {"s1": "A < B", "s2": "A < B", "s3": "residual <= 1e-9 | rounding", "s4": "poles == three"}
     rows = [

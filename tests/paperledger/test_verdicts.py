@@ -56,7 +56,7 @@ def test_drift_of_evidence(old, new, same):
         (1.5e-8, -19, "1.500000000e-8"),
     ],
 )
-def test_stored_text_says_how_precise_it_is(value, floor, stored):
+def test_stored_digits_show_the_precision(value, floor, stored):
     assert write(value, floor) == stored
 
 
@@ -179,7 +179,7 @@ def test_conventions_are_those_of_the_notation_page(relation, left, right, kept,
     assert evidence.verdict == verdict
 
 
-def test_every_takes_the_worst_case_and_some_the_best():
+def test_the_worst_case_decides_or_the_best_with_some():
     cases = {"a": (1.0, 2.0), ("b", 3): (1.9, 2.0), "c | d": (3.0, 9.0)}
     every, some = Relation.parse("A < B"), Relation.parse("A < B | some")
     assert str(every.decide(cases)) == "1.900000000 < 2.000000000 | worst of 3: b, 3; ratio 0.33 to 0.95"

@@ -1,4 +1,4 @@
-"""The command line: a record becomes code, options reach the library, and printed numbers are those of the library."""
+"""Run the command line: a record becomes code, options reach the library, and the library computes printed numbers."""
 
 import importlib.util
 import inspect
@@ -56,14 +56,14 @@ def save(path, header, *columns):
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):
-    """A historian's file of a plant with three lags, not the one of the book."""
+    """Return a historian's file of a plant with three lags that is not the plant of the book."""
     path = tmp_path_factory.mktemp("plant") / "step.csv"
     path.write_text(records.plant_record(seed=8), encoding="utf-8")
     return path
 
 
 def first_order(count):
-    """A step response with one lag, in seconds."""
+    """Return a file with the step response of a lag, with times in seconds."""
     t = np.arange(float(count))
     y = 20 + 10 * -np.expm1(-np.maximum(t - 13, 0) / 6) + np.random.default_rng(0).normal(0, 0.02, t.size)
     return t, np.where(t < 10, 40, 45), y
@@ -203,7 +203,7 @@ def test_code_states_doubts_about_limits_filter_and_sample_time(record, tmp_path
 
 
 def test_options_of_reading(tmp_path):
-    """Blanks, no times, a line above, a step before the first row, a wild value: each has its option."""
+    """Options exist for blanks, missing times, a line above, a step before the first row, and an outlier."""
     t = np.arange(150.0)
     y = np.round(20 + 2 * -np.expm1(-np.maximum(t - 5, 0) / 12) + 0.02 * np.sin(1.7 * t**2), 2)
     y[90] = -9999
@@ -366,7 +366,7 @@ ASKED = {"rule": "simc", "ms_worst": 3.0, "spread": 0.1, "noise_gain": 5.0, "sam
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    """A record with columns in another order."""
+    """Return a record with columns in another order."""
     return save(tmp_path_factory.mktemp("log") / "log.csv", "y,u,t", *first_order(80)[::-1])
 
 

@@ -1,4 +1,4 @@
-"""Refusals of the command line: one line that names the argument and the remedy, and that a terminal can print."""
+"""Check refusals of the command line: one printable line names the argument and the remedy."""
 
 import json
 import math
@@ -52,7 +52,7 @@ def test_foreign_names_reach_a_terminal_as_text(tmp_path):
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    """A record of a step from 40 to 47, and a controller, in the current folder."""
+    """Write a record of a step from 40 to 47, and a controller, to the current folder."""
     monkeypatch.chdir(tmp_path)
     rows = (f"{k},{40 if k < 10 else 47},{20 + 10 * (1 - 0.8 ** max(0, k - 12)):.3f}" for k in range(60))
     (tmp_path / "step.csv").write_text("\n".join(["t,u,y", *rows]), encoding="utf-8")
@@ -142,7 +142,7 @@ def text(rows, head="time,u,y", form="{},{},{}"):
 
 
 def unclipped(high=100.0):
-    """A log of an on-off loop whose first outputs are not clipped, and whose output has whole degrees."""
+    """Write a log of an on-off loop, whose first control signals are not clipped. Its output is in whole degrees."""
     y, rows = 22.0, []
     for k in range(400):
         shown = round(y)

@@ -1,4 +1,4 @@
-"""The page on plants of others: its tables cover what they say, and keep what is promised."""
+"""Check the tables of the page on plants of others: they are complete, and keep the promised limits."""
 
 import csv
 from pathlib import Path
@@ -16,7 +16,7 @@ def table(name):
 
 
 def broken(row):
-    """What is wrong with a row of measured records."""
+    """Return the errors of a row of measured records."""
     wrong = []
     if row["result"].startswith("refused: "):
         return wrong if len(row["result"]) > 60 else ["a refusal without cause and remedy"]

@@ -1,4 +1,4 @@
-"""The Temperature Control Lab, simulated; and a board that is one in all but its wire."""
+"""Simulate the Temperature Control Lab, and use a fake board with the interface of a real one."""
 
 import random
 import sys
@@ -13,7 +13,7 @@ from pidalab.plant.heater import Lab
 
 
 class Board:
-    """Stands at a port: the simulated lab behind the calls and the clock of a real one."""
+    """Fake board: the simulated lab, with the functions and the clock of a real board."""
 
     def __init__(self, model, clock):
         self.model, self.clock, self.off = model, clock, False

@@ -1,4 +1,4 @@
-"""Reports: limits are kept, numbers and curves are those of the loops, and a page needs no other file."""
+"""Check reports: limits are kept, numbers and curves match the loops, and a page needs no other file."""
 
 import re
 
@@ -118,7 +118,7 @@ def test_refusals(error, argument, model, options):
 
 @pytest.fixture(scope="module")
 def panels(found):
-    """The axes by place: load, set point, then noise and Nyquist curves."""
+    """Return the axes of load, set point, noise and Nyquist curves."""
     figure = found.plot()
     assert figure.get_size_inches()[0] == STYLE["figure.figsize"][0]
     return np.reshape(figure.axes, (3, 2))
@@ -129,7 +129,7 @@ def kind_of(line):
 
 
 def last_large(loop, simulate):
-    """Return when the error is last above half a per cent of its largest value."""
+    """Return the last time at which the error is above half a per cent of its largest value."""
     t = np.linspace(0.0, 100.0, 8001)
     error = np.abs(simulate(loop, t).e)
     return t[np.flatnonzero(error > 0.005 * error.max())[-1]]

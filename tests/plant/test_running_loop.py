@@ -1,4 +1,4 @@
-"""Checks of running gains by simulated logs: Ms, distance from the best gains, sets to try, refusals."""
+"""Check running gains with simulated logs: Ms, loss compared with the best gains, suggested gains, refusals."""
 
 import re
 
@@ -16,7 +16,7 @@ TRUE = pidalab.margins(pidalab.Loop(PLANT, RUNNING.discretise(H))).ms
 
 
 def log(setpoint=0.0, load=0.0, noise=0.02, seed=0, slow=0.0):
-    """A loop at work, logged at its samples; a slow disturbance is a random walk that returns to 0."""
+    """Return the log of a running loop at its samples. A slow disturbance is a random walk that returns to 0."""
     rng = np.random.default_rng(seed)
     disturbed = rng.normal(0.0, noise, T.size)
     for k in range(1, T.size):
@@ -31,7 +31,7 @@ def steps(*changes):
 
 
 def bumped(noise=0.02):
-    """A pulse of u by hand."""
+    """Return a log with a pulse of u in manual mode."""
     u = steps((20, 1.0), (60, -1.0))
     y = pidalab.open_loop_step(PLANT, T).y
     shifted = (np.interp(T - at, T, y, left=0.0) for at in (20, 60))

@@ -1,4 +1,4 @@
-"""Evaluation over a spread, and corrections until the loop that runs keeps its limits."""
+"""Evaluate designs over a spread of plants, and correct them until the sampled loop keeps its limits."""
 
 import math
 from itertools import pairwise, permutations
@@ -51,7 +51,7 @@ def test_unstable_loop_has_infinite_ms():
 
 
 def test_worst_ms_is_independent_of_the_order():
-    """Of one plant the sampled loop has no Ms: the others are judged by theirs, before it and after it."""
+    """The sampled loop of one plant has no Ms. The other plants are judged by the Ms of their sampled loops."""
     evaluator = LoopEvaluator(1.0, None)
     alone = evaluator.ms(PI, FEEDTHROUGH)
     assert "Ms is that of the continuous loop" in alone.reason
@@ -68,7 +68,7 @@ LIMITS = Requirements(ms=1.6, ms_worst=2.0)
 
 
 class Machine:
-    """Designs whose sizes follow from what is asked: Ms 1.3 times as far above 1, the worst 1.5 times."""
+    """Fake designer. If m is requested, its design has Ms = 1 + 1.3 (m - 1), and the worst Ms with factor 1.5."""
 
     def __init__(self, active=("ms", "ms_worst"), factors=(1.3, 1.5)):
         self.asked, self.active, self.factors = [], active, factors
@@ -94,7 +94,7 @@ def test_request_is_corrected_from_below():
 @pytest.mark.parametrize(("below", "designs"), [(1e-4, 1), (9e-4, 1), (1.1e-3, 2)])
 @pytest.mark.parametrize("which", [0, 1])
 def test_design_within_a_thousandth_is_the_last(which, below, designs):
-    """A search makes each design, so none is made to come nearer than that to a limit that holds it back."""
+    """Each design needs a search, so no further design is made if the last one is that close to an active limit."""
     met = 1.6 * (1 - 5e-4), 2.0 * (1 - 5e-4)
     first = [limit * (1 - below) if k == which else met[k] for k, limit in enumerate((1.6, 2.0))]
     found, machine = iter([first, met]), Machine()

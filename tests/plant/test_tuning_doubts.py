@@ -1,4 +1,4 @@
-"""Tuning in other units, at the threshold of each doubt, with the numbers of doubts by hand."""
+"""Tune in other units and at the threshold of each doubt, and compute the numbers of doubts by hand."""
 
 import math
 import re
@@ -21,26 +21,26 @@ GAIN, TIME = -70.0, 60.0
 
 
 def in_units(process, gain, time):
-    """The same plant, whose output counts in other units and whose time in others."""
+    """Return the same plant with its output and its time in other units."""
     num, den = (c * time ** np.arange(c.size - 1.0, -1.0, -1.0) for c in (process.num, process.den))
     return Process(gain * num, den, time * process.delay)
 
 
 def numbers(text):
-    """All numbers of a doubt."""
+    """Return all numbers in the text of a doubt."""
     return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e[+-]?\d+)?", text)]
 
 
 @pytest.fixture
 def searched(monkeypatch):
-    """What the search for an optimum is asked for; in its place comes a controller that no limit holds back."""
+    """Replace the search for an optimum. Return the list of its requests. The result has no active limit."""
     asked = []
 
     def least_iae(process, order, requirements, start):
         asked.append(SimpleNamespace(process=process, order=order, **vars(requirements)))
         if math.isinf(process.gain()):
             controller = pidalab.PIDA(0.2, 200.0)
-        else:  # bold where there is hardly a dead time, so that the loop is at rest before many of those have passed
+        else:  # the gain is high for a very short dead time, so that the loop settles within few dead times
             quick = 100 * process.delay < process.den[-2]
             controller = pidalab.PIDA((9.0 if quick else 0.3) / process.gain(), process.den[-2])
         return Design(process, controller, info={"active": ()})
@@ -53,7 +53,7 @@ SETTLING = {"kind": "PID", "rule": "simc", "sample_time": 0.3, "spread": 0.1, "m
 
 
 def test_design_is_independent_of_units():
-    """A gain of -70 and minutes in place of seconds change units alone: Ms and doubts stay, gains follow."""
+    """A gain of -70 and minutes instead of seconds only change units: Ms and doubts are equal, gains are converted."""
     process = lags(2, delay=0.5)
     own = tune(process, **SETTLING)
     other = tune(in_units(process, GAIN, TIME), **SETTLING | {"sample_time": TIME * SETTLING["sample_time"]})
@@ -69,7 +69,7 @@ def test_design_is_independent_of_units():
 
 @pytest.mark.parametrize("lag", [0.5, 8.0])
 def test_default_limit_of_noise(searched, lag):
-    """Of an integrator with a lag that is 1/|P| at 1/lag, where the phase has fallen by 45 degrees."""
+    """For an integrator with a lag the limit is 10/|P| at 1/lag, where the lag has turned the phase by 45 degrees."""
     for plant, asked in (
         (Process([0.25], [lag, 1.0, 0.0]), math.sqrt(2) / (0.25 * lag)),
         (fopdt(-4.0, lag, lag), 1 / 4),
@@ -92,7 +92,10 @@ def test_given_limits_reach_the_search(searched):
 @pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
 @pytest.mark.parametrize("asked", [{}, {"sample_time": 6.0}, {"rule": "magnitude optimum"}], ids=str)
 def test_negligible_dead_time_is_left_out(searched, asked, share, left_out):
-    """Up to where ten times |P| over its gain is 1, of one lag sqrt(99)/T; to that of samples; to the crossover."""
+    """The limit depends on the fastest frequency at which the loop acts.
+
+    For a lag T this is sqrt(99)/T, where |P| is a tenth of its gain; else the inverse sample time; else the crossover.
+    """
     lag = 60.0
     if "rule" in asked:
         acts = pidalab.gain_crossovers(tune(Process([3.0], [lag, 1.0]), "PI", **asked).loop()).max()
@@ -169,7 +172,7 @@ def test_filter_faster_than_the_sample_is_doubted(share, doubted):
 
 
 def record(before, after, noise=0.02):
-    """A lag of 6 after a step from one input to another."""
+    """Return the record of a lag of 6 after a step of the input."""
     t = np.arange(0.0, 60.0, 0.5)
     y = 2.0 * (after - before) * -np.expm1(-np.maximum(t - 11.0, 0.0) / 6.0)
     return Record(t, np.where(t < 10.0, before, after), y + np.random.default_rng(1).normal(0, noise, t.size))

@@ -1,4 +1,4 @@
-"""Forms of vendors: each is the same controller, in seconds, or says why it does not exist."""
+"""Convert controllers to forms of vendors: each is the same controller, or an error says why it does not exist."""
 
 import math
 

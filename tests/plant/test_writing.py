@@ -1,4 +1,4 @@
-"""Files are written completely or not at all, and edited files stay."""
+"""Check that files are written completely or not at all, and that edited files are kept."""
 
 import errno
 import os

@@ -20,7 +20,7 @@ from pidalab.robustness import max_control_sensitivity
             0.0,
         ),  # integral action: 1/P(0)
         (pidalab.Loop(pidalab.lags(1), pidalab.PIDA(2.0, math.inf, 1.0, n=10.0)), 22.0, math.inf),
-        # a plant with a zero at 0 lets the integral grow
+        # with a zero of the plant at 0 the integral grows without bound
         (pidalab.Loop(pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]), pidalab.PIDA(0.5, 1.0)), math.inf, 0.0),
         # the filter integrates, the controller does not
         (pidalab.Loop(pidalab.lags(1), 0.2, control.tf([0.1, 1.0], [1.0, 0.0])), 1.0, 0.0),
@@ -68,7 +68,7 @@ def test_peak_matches_a_dense_grid(name):
     assert at == pytest.approx(w[np.argmax(expected)], rel=1e-4)
 
 
-# The largest gain from noise to the control signal against the oracle: to 1e-9, its place to 1e-6.
+# Compare the largest gain from noise to control signal with the oracle: the gain to 1e-9, its frequency to 1e-6.
 
 CASES = [case for case in oracle("margins.json")["cases"] if case["values"].get("mks")]
 

@@ -137,7 +137,7 @@ def test_short_filter():
     assert result.margin < -20
 
 
-# Criteria of absolute stability and the shortest filter against the oracle, to the digits that are documented.
+# Compare criteria of absolute stability and the shortest filter with the oracle, to the documented digits.
 
 FILE = oracle("limits.json")
 
@@ -166,7 +166,7 @@ def test_popov(case):
 
 
 def test_smallest_filter_time():
-    """A derivative behind a filter that becomes too short; to 6 digits, as documented."""
+    """The filter of a derivative becomes too short. The border is accurate to 6 digits, as documented."""
     case = FILE["filter"]
     process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
 

@@ -1,4 +1,4 @@
-"""Compare margins with closed forms, python-control and the oracle, also where a grid or a logarithm could fail."""
+"""Compare margins with closed forms, python-control and the oracle, including loops for which a grid could fail."""
 
 import math
 from dataclasses import FrozenInstanceError
@@ -66,9 +66,9 @@ def drawn_loop(rng):
 
 
 def test_margins_of_loops_with_fast_filters():
-    """Also where |L| stays above 1 while the dead time turns the phase a million times: 150 loops, N and M up to 500.
+    """Of 150 loops with N and M up to 500, some have |L| above 1 while the dead time turns the phase a million times.
 
-    Such a loop has two poles more for each turn; their number is that of the turns, but for those of the factors.
+    Each turn adds two poles to such a loop. So the number of poles is twice the number of turns, except for a few.
     """
     rng, loud = np.random.default_rng(5), 0
     for _ in range(150):
@@ -85,7 +85,7 @@ def test_margins_of_loops_with_fast_filters():
 
 
 def test_crossovers_far_from_all_corner_frequencies():
-    """They lie two decades below the slowest root, and six decades above the fastest."""
+    """The crossovers lie two decades below the slowest root, and six decades above the fastest root."""
     faint = margins(Loop(pidalab.fopdt(1.0, 1.0, 1.0), pidalab.HighOrderPID([1e-8, 1e-9], 0.1, 2)))
     assert faint.wgc == pytest.approx(1e-8, rel=1e-9)
     assert faint.dm == pytest.approx((np.pi / 2) / 1e-8, rel=1e-6)
@@ -186,7 +186,7 @@ def test_all_phase_crossovers_of_a_dead_time_of_many_lags():
 
 
 def test_margins_are_immutable_and_compare_by_identity():
-    """Like every result that holds arrays."""
+    """This holds for every result that contains arrays."""
     first, second = (margins(Loop(pidalab.lags(4), PIDA(2.0, 3.0, 1.0, 0.3))) for _ in range(2))
     with pytest.raises(FrozenInstanceError):
         first.ms = 1.0

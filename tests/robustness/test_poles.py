@@ -88,7 +88,7 @@ def test_rightmost_poles_of_an_integrator_are_lambert_w(gain):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_rightmost_poles_of_random_loops(seed):
-    """The poles solve the characteristic equation, and the number of unstable ones matches the argument principle."""
+    """The poles solve the characteristic equation, and the number of unstable poles matches the argument principle."""
     loop = random_loop(seed)
     poles = pidalab.rightmost_poles(loop, count=10)
     assert poles.size in (10, 11)
@@ -173,12 +173,12 @@ def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
 
 @pytest.mark.parametrize("delay", [10.0, 30.0, 50.0, 300.0])
 def test_rightmost_pole_of_an_unstable_process_with_long_dead_time(delay):
-    """The pole of s^2 - 1 + 2 e^{-s delay} is 1 - e^{-delay}. To its right only rounding is left of the feedback."""
+    """A pole of s^2 - 1 + 2 e^{-s delay} is near 1 - e^{-delay}. There the feedback is as small as rounding."""
     loop = Loop(Process([2.0], [1.0, 0.0, -1.0], delay), 1.0)
     assert pidalab.rightmost_poles(loop) == pytest.approx([1 - math.exp(-delay)], abs=1e-7)
 
 
-# Unstable poles, and the limits of stability in gain and dead time, against the oracle.
+# Compare unstable poles, and the limits of stability in gain and dead time, with the oracle.
 
 CASES = oracle("margins.json")["cases"]
 

@@ -56,7 +56,7 @@ def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
     b = gain * (1 - a)
     result = margins(Loop(fopdt(1.0, 1.0, 0.0), PIDA(gain, math.inf).discretise(h)))
     end = math.pi / h
-    real = {0.0: gain, end: -b / (1 + a)}  # L where it is real
+    real = {0.0: gain, end: -b / (1 + a)}  # values of L at frequencies where L is real
     gm, wpc = min((-1 / x, w) for w, x in real.items() if x < 0)
     assert (result.gm, result.wpc) == pytest.approx((gm, wpc), rel=1e-9)
     assert result.gm_low == 0.0
@@ -79,7 +79,7 @@ def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
 
 @pytest.mark.parametrize("gain", [0.3, 0.7])
 def test_gain_margins_of_an_unstable_sampled_plant(gain):
-    """1/(s - p) is stable for gains from p to the one where z = -1 is a pole."""
+    """The loop of 1/(s - p) is stable for gains from p to the gain with a pole at z = -1."""
     p, h = 0.2, 0.5
     k = PIDA(gain, math.inf).discretise(h)
     result = margins(Loop(Process([1.0], [1.0, -p]), k))

@@ -13,7 +13,7 @@ UNIT = pidalab.ipdt(1.0, delay=1.0)
 
 
 def numerator(setting):
-    """Descending coefficients of (kp + kd x + ka x²)(1 + ti x)/ti."""
+    """Return the descending coefficients of (kp + kd x + ka x²)(1 + ti x)/ti."""
     return np.convolve([setting.ka, setting.kd, setting.kp], [setting.ti, 1.0]) / setting.ti
 
 

@@ -104,7 +104,7 @@ def test_chien_hrones_reswick_is_its_table(test, overshoot, kind):
 
 
 def of_times(gain, leads, lags, delay=0.0, integrators=0):
-    """gain prod(T s + 1) / (prod(tau s + 1) s^integrators) e^(-s delay)."""
+    """Return the process gain prod(T s + 1) / (prod(tau s + 1) s^integrators) e^(-s delay)."""
     num, den = (reduce(np.convolve, ([time, 1.0] for time in times), np.ones(1)) for times in (leads, lags))
     return pidalab.Process(gain * num, np.append(den, np.zeros(integrators)), delay)
 
@@ -174,7 +174,7 @@ def test_zeros_in_the_left_half_plane(name, kind, gain, lags, delay):
     ],
 )
 def test_a_zero_cancels_a_lag_nearby(leads, lags, delay, gain):
-    """Another, much slower lag shows the gain that is left."""
+    """The gain that remains is read from another, much slower lag."""
     design = simc(of_times(1.0, leads, [*lags, 1e3], delay), "PID")
     assert (design.gain, design.lags[0], design.delay) == pytest.approx((gain, 1e3, delay), rel=1e-9)
     assert design.lags[1:] == pytest.approx([3.0] if leads == [2.0] else [])

@@ -80,7 +80,7 @@ def test_fast_and_loud_controllers_keep_their_digits(process, controller, time, 
     ids=["series", "unstable lag", "feeds back much"],
 )
 def test_a_peak_behind_a_high_order_filter_comes_back(process, controller, time):
-    """Behind a filter of higher order the peak has no jump, and is as high."""
+    """After a filter of higher order the peak has no jump, but is as high."""
     loop = Loop(process, controller)
     for points in (2, 301):
         assert_exact(loop, time, points, exact(loop, time, 200))

@@ -40,7 +40,7 @@ def test_noise_gain_is_of_linear_loops():
 @pytest.mark.parametrize("kp", [0.2, 2.0, -0.5])
 @pytest.mark.parametrize("h", [0.05, 0.4])
 def test_noise_gain_of_a_lag_in_closed_form(kp, h):
-    """y = a y + (1 - a) u a sample later, u = -k (y + n): a lag of noise with the pole a - (1 - a) k."""
+    """With y[k + 1] = a y[k] + (1 - a) u[k] and u = -K (y + n), the loop is a lag with the pole a - (1 - a) K."""
     process, a = pidalab.fopdt(1.0, 1.0, 0.0), math.exp(-h)
     pole, driven = a - (1 - a) * kp, (1 - a) * kp
     expected = abs(kp) * math.sqrt(1 + driven**2 / (1 - pole**2))

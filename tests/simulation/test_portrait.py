@@ -24,7 +24,7 @@ GRID = {
 
 
 def expected(record, y_end, u_end):
-    """Return the measures of a record, by `Response`, up to its end: some sets diverge within their limits."""
+    """Return the measures of a record by `Response` up to its end, since some sets diverge."""
     end, measures = record.t[-1], {}
     for name in ("y", "u"):
         x, last = getattr(record, name), {"y": y_end, "u": u_end}[name]

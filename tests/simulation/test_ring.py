@@ -29,7 +29,7 @@ FEW = [case for case in oracle("delay_loops.json")["cases"] if case["delay"]][::
 @pytest.mark.parametrize("form", ["arrays", "loops"])
 @pytest.mark.parametrize("case", FEW, ids=lambda case: case["name"])
 def test_both_plain_forms_give_the_response(case, form):
-    """The form with array operations and the one element by element match the engine, which the oracle tests."""
+    """The form with array operations and the form with loops match the engine, which is compared with the oracle."""
     cut = cut_at_delay(oracle_loop(case), "rd")
     step, n = case["delay"] / 3.7, 23
     arguments = (cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))

@@ -140,7 +140,7 @@ def test_closed_loop_event_by_event(samples, limits):
                 x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + slope(x + step * k3, w))
 
 
-def test_paths_keep_their_own_poles_and_share_a_common_one():
+def test_paths_share_a_common_pole_and_keep_others():
     lag = [120.0, 1.0]
     plant = AsymmetricPlant(control.tf([1.0], lag), 60.0, 180.0, control.tf([0.5], lag))
     for process, time in ((plant.rising, 60.0), (plant.falling, 180.0)):

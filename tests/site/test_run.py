@@ -1,4 +1,4 @@
-"""Cells that run in the page give the stored outputs."""
+"""Run cells in pages, and compare the results with the stored outputs."""
 
 import functools
 import http.server
@@ -66,7 +66,7 @@ def run_all(page):
 
 
 def stored(root, name):
-    """Return the same of a notebook's stored outputs."""
+    """Return text and number of figures of each cell from a notebook's stored outputs."""
     notebook = json.loads((root / "book" / f"{name}.ipynb").read_text(encoding="utf-8"))
     shown, cells = {}, [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     for number, cell in enumerate(cells):

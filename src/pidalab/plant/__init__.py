@@ -1,4 +1,4 @@
-"""From a record of a plant to a model, a safe controller and its code.
+"""Turn a record of a plant into a model, a safe controller and its code.
 
 The steps are::
 

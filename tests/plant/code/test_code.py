@@ -1,4 +1,4 @@
-"""The written code, compiled, interpreted and executed, against the reference over random records."""
+"""Compare the written code with the reference for random records: compiled C, interpreted text, executed Python."""
 
 import dataclasses
 import json
@@ -69,7 +69,7 @@ def run_c(folder, precision, options=()):
 
 @pytest.mark.parametrize("options", [(), ("-std=gnu99", "-O3", "-march=native")])
 def test_c_in_double_precision_equals_the_reference(tmp_path, options):
-    """With the options that the head asks for, a fused multiply-add of the processor changes no bit."""
+    """With the compiler options of the head, no bit depends on fused multiply-add instructions of the processor."""
     assert "-ffp-contract=off" in CASES["zoh"].c()
     found = run_c(tmp_path, "double", options)
     for name, u in EXPECTED.items():
@@ -83,7 +83,7 @@ def test_c_in_single_precision(tmp_path):
 
 
 def test_c_tests_itself(tmp_path):
-    """Its own test passes, in either precision, and notices a gain that is off by 0.1 %."""
+    """The self-test passes in both precisions, and fails if a gain is wrong by 0.1 %."""
     code = CASES["tustin"].c("level")
     spoilt = re.sub(r"(PART_1_GAIN_0 = \(level_real\))1\.3;", r"\g<1>1.3013;", code)
     assert spoilt != code

@@ -1,4 +1,4 @@
-"""A controller is the same after writing and reading; other files, and changed ones, are refused."""
+"""Write and read controllers as JSON: the controller is unchanged. Other or edited files are refused."""
 
 import copy
 import json

@@ -1,4 +1,4 @@
-"""No name in written code is reserved, and a parser that we did not write reads the code."""
+"""Check that no name in written code is reserved, and that an independent parser reads the code."""
 
 import re
 
@@ -8,7 +8,7 @@ from cases import CASES
 
 from pidalab.plant.code.files import FAMILIES, RESERVED, identifier
 
-# words of the language that structured text here is made of, and its types and one function
+# keywords, types and the one function that the written structured text uses
 WORDS = """
 function_block end_function_block var_input var_output var constant end_var if then else end_if for to do end_for not
 and or true false bool lreal int array of abs
@@ -18,7 +18,7 @@ NUMBER = re.compile(r"\d+\.\d+(?:e-?\d+)?")
 
 
 def names_in(text):
-    """Names in structured text, in small letters, as its compilers see them."""
+    """Return the names in structured text in lower case, since its compilers ignore case."""
     plain = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S).lower()
     return set(re.findall(r"[a-z_]\w*", NUMBER.sub("", plain))) - LANGUAGE
 

@@ -1,4 +1,4 @@
-"""Models fitted to records: truth within the uncertainty, and refusals if a record is not sufficient."""
+"""Fit models to records: the true parameters lie within the uncertainty, and insufficient records are refused."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,10 @@ TRUE_STEP = pidalab.open_loop_step(TRUE, GRID).y
 
 
 def historian(seed, noise=0.25, count=600):
-    """A valve stepped from 40 to 47 % at 37: irregular, with a gap, quantised, noisy, with missing values."""
+    """Return a record of a valve that steps from 40 to 47 % at t = 37.
+
+    The times are irregular with a gap. The output is quantised and noisy, and has missing values.
+    """
     rng = np.random.default_rng(seed)
     t = np.sort(rng.uniform(0.0, 260.0, count))
     y = 350.0 + 7.0 * np.interp(np.maximum(t - 37.0, 0.0), GRID, TRUE_STEP) + rng.normal(0.0, noise, count)
@@ -59,7 +62,7 @@ def test_historian_record():
 
 
 def test_truth_lies_within_two_deviations():
-    """Gain, lag and dead time of a record made from the model's own kind: 95 % within two deviations, here 60 cases."""
+    """Records are made with a model of the fitted kind. 95 % of the parameters lie within two standard deviations."""
     process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0)
     clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
     inside = 0
@@ -68,7 +71,7 @@ def test_truth_lies_within_two_deviations():
         fitted = fit(Record(t, np.where(t < 20, 0.0, 1.0), y), "fopdt")
         for name, true in (("gain", 2.0), ("lag", 12.0), ("delay", 5.0)):
             inside += abs(fitted.parameters[name] - true) < 2 * fitted.uncertainty[name]
-    assert inside >= 50  # of 60; with uncertainties half as large it would be about 40
+    assert inside >= 50  # of 60 parameters; with uncertainties half as large it would be about 40
 
 
 def test_spread_has_the_stated_deviation():
@@ -79,7 +82,7 @@ def test_spread_has_the_stated_deviation():
 
 
 def test_spread_has_a_hidden_lag():
-    """Two lags in noise look like one; a dead time that hides the other is a milder plant for a PID than the lag is."""
+    """With noise, two lags look like one lag with a longer dead time. But the true plant has a larger Ms with a PID."""
     process, t = pidalab.Process([1.0], np.polymul([10.0, 1.0], [2.0, 1.0]), 3.0), np.arange(0.0, 100.0)
     clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
     y = clean + np.random.default_rng(3).normal(0.0, 0.05, t.size)
@@ -107,7 +110,7 @@ def test_plants_have_other_gains():
 
 
 def test_spread_has_the_hidden_part_of_the_dead_time():
-    """A step half a sample before the one that shows it: without noise that is all that is uncertain."""
+    """The step lies half-way between two samples. Without noise, only its time within the sample is uncertain."""
     process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0, 2.0)
     y = np.interp(t - 19.0, GRID, pidalab.open_loop_step(process, GRID).y, left=0.0)
     fitted = fit(Record(t, np.where(t < 19.0, 0.0, 1.0), y), "fopdt")
@@ -138,7 +141,7 @@ def test_refusals():
 
 @pytest.mark.parametrize("ratio", [2.9, 3.1])
 def test_answer_must_exceed_three_times_the_residuals(ratio):
-    """What is left over changes its sign at each sample, which no model follows."""
+    """The residual changes its sign at each sample, so no model can follow it."""
     t = np.arange(200.0)
     y = np.where(t < 50, 0.0, -np.expm1(-(t - 50) / 10)) + (-1) ** t / ratio
     record = Record(t, np.where(t < 50, 0.0, 1.0), y)
@@ -150,7 +153,7 @@ def test_answer_must_exceed_three_times_the_residuals(ratio):
 
 
 def test_spread_of_equal_lags_has_unequal_ones():
-    """The gain of the true plant where a loop acts lies beyond that of equal lags with whatever further lag."""
+    """Near the crossover, the gain of the true plant with unequal lags is above that of the fitted equal lags."""
     true = pidalab.Process([2.3], np.poly([-1 / 5, -1 / 14, -1 / 33]) * 5 * 14 * 33, 17.7)
     t = np.linspace(0.0, 390.0, 600)
     u = np.where(t < 60.0, 40.0, 47.0)
@@ -181,7 +184,7 @@ def test_fit_as_text():
 
 
 def test_uncertainty_in_closed_form():
-    """Variance over the sum of squared sensitivities, times the samples that share an error."""
+    """The squared uncertainty is variance / sum of squared sensitivities, times the number of correlated samples."""
     fitted = fit(historian(2), "fopdt")
     found = fitted._found
     r, jacobian = found.residuals, found.jacobian
@@ -197,7 +200,7 @@ def test_uncertainty_in_closed_form():
 
 
 @pytest.mark.parametrize(("changes", "grid"), [(60, 0.0), (61, 0.5)])
-def test_many_changes_are_put_on_a_grid(changes, grid):
+def test_many_input_changes_are_moved_to_a_grid(changes, grid):
     t = 0.5 * np.arange(300)
     u = np.where(np.arange(300) < 20, 0.0, np.minimum(np.arange(300) - 19.0, changes))
     process = pidalab.fopdt(2.0, 5.0, 1.25)
@@ -224,7 +227,7 @@ def test_prepared_records():
 
 
 def test_search_is_as_good_as_all_starts():
-    """Of the grid one in each third is followed down: here a single lag for six, where not every start ends lowest."""
+    """The search starts from the best point in each third of a grid. The problem has several minima."""
     t = np.arange(0.0, 150.0, 0.5)
     clean = pidalab.open_loop_step(pidalab.lags(6, 3.0, delay=20.0), t[:-40]).y
     y = np.append(np.zeros(40), clean) + np.random.default_rng(0).normal(0.0, 0.01, t.size)
@@ -280,7 +283,7 @@ def test_initial_state_is_fitted(model, lag):
 
 
 def test_noise_and_model_error():
-    """Two lags in 0.005 of noise, as a single one: what is left over is model error, and is said."""
+    """A single lag is fitted to two lags with noise of 0.005. The doubts name the model error."""
     process = pidalab.Process([2.0], np.polymul([20.0, 1.0], [8.0, 1.0]))
     y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + 0.1 * NOISE
     single, double = (fit(Record(T, U, y), model) for model in ("fopdt", "sopdt"))
@@ -302,7 +305,7 @@ def test_holdout():
 
 
 def test_spread_is_about_as_likely_as_the_model():
-    """Tau, damping and dead time of slow and fast lags go together; none is drawn without the others."""
+    """Errors of time constant, damping and dead time are correlated here, so the parameters are drawn jointly."""
     process = pidalab.Process([2.0], np.polymul([40.0, 1.0], [3.0, 1.0]))
     y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
     found = fit(Record(T, U, y), "sopdt")
@@ -324,7 +327,7 @@ def test_plot_has_a_band_of_twice_the_noise():
 
 
 def test_explained_share_is_of_the_variance():
-    """By noise of known size: half of the variance is the limit, whatever the kind of experiment."""
+    """Noise of known size is added. A fit must explain half of the variance, for any kind of experiment."""
     t = np.arange(2000.0)
     u = np.where((t // 100) % 2 == 0, 0.0, 1.0)
     decay = np.exp(-1 / 10.0)

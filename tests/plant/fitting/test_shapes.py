@@ -1,4 +1,4 @@
-"""Closed forms of step responses against the exact engine."""
+"""Compare closed forms of step responses with the exact engine."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Records: cleaning, steps, rest, noise, doubts and refusals."""
+"""Clean records, find steps, rest and noise, and check doubts and refusals."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_step_of_several_is_refused():
 
 
 def test_creeping_input_is_not_a_step():
-    """A controller that jumps and then integrates: its output is no level for the rules that look at a step."""
+    """The output of a PI controller jumps and then creeps, so it has no level, which rules for a step need."""
     t = np.arange(0.0, 600.0)
     u = np.where(t < 50, 40.0, 42.5 - np.exp(-(t - 50) / 40))
     record = Record(t, u, np.interp(t, [0, 55, 120, 600], [0.0, 0.0, 5.0, 5.0]))
@@ -57,7 +57,7 @@ def test_creeping_input_is_not_a_step():
 
 
 def bench(count=40, first=20, before=1.0, after=3.0, rest=None):
-    """A sample a second; the input steps at `first`, and the output follows a sample later, to 25 levels and more."""
+    """Return a record with a sample each second. The input steps at `first`, and the output rises a sample later."""
     t = np.arange(float(count))
     y = 5.0 + (np.minimum(np.maximum(t - first, 0.0), 8.0) if rest is None else rest)
     return t, np.where(t < first, before, after), y
@@ -94,16 +94,16 @@ LONG = np.arange(101.0)
 @pytest.mark.parametrize(
     ("u", "number"),
     [
-        # a step is a twentieth of the span at least
+        # a step is at least a twentieth of the span
         (np.select([LONG < 20, LONG < 60], [0.0, 0.952], 1.0), 1),
         (np.select([LONG < 20, LONG < 60], [0.0, 0.947], 1.0), 2),
-        # a level is four samples at least
+        # a level lasts at least four samples
         (np.select([LONG < 20, LONG < 23], [0.0, 0.5], 1.0), 1),
         (np.select([LONG < 20, LONG < 24], [0.0, 0.5], 1.0), 2),
-        # it may creep by a tenth of the span, between its quantiles of 2 and 98 %: of 81 samples the outer two go
+        # within a level the quantiles of 2 and 98 % may differ by a tenth of the span
         (np.where(LONG < 20, 0.0, 1.0 + 0.095 / 0.96 * ((LONG - 20) / 80 - 1)), 1),
         (np.where(LONG < 20, 0.0, 1.0 + 0.115 / 0.96 * ((LONG - 20) / 80 - 1)), 0),
-        # levels last for seven tenths of the record
+        # levels last for at least seven tenths of the record
         (np.interp(LONG, [20.0, 50.0], [0.0, 1.0]), 1),
         (np.interp(LONG, [20.0, 51.0], [0.0, 1.0]), 0),
     ],
@@ -123,7 +123,7 @@ def test_time_of_a_step():
 
 @pytest.mark.parametrize("samples", [7, 8])
 def test_noise_in_closed_form(samples):
-    """Of an output that alternates: with 8 samples at rest from these, with 7 from second differences of all."""
+    """The output alternates. 8 samples at rest suffice for the noise. With 7, second differences of all are used."""
     rest = np.resize([0.5, -0.5], 40)
     record = Record(*bench(first=samples, rest=rest))
     if samples == 8:
@@ -150,7 +150,7 @@ def test_drift_is_doubted(wobble, slope, said):
 
 
 def test_doubts_of_levels_and_gaps():
-    """Samples every half; gaps of 6, 8, and 5 of these, which is none."""
+    """Samples are 0.5 apart. Distances of 6 and 8 samples are gaps, a distance of 5 samples is not."""
     t = 0.5 * np.delete(np.arange(101.0), [*range(41, 46), *range(61, 68), *range(81, 85)])
     u = np.select([t < 10, t < 35], [1.0, 3.0], 2.0)
     y = np.where(t < 12.5, 0.0, 4.0)
@@ -162,7 +162,7 @@ def test_doubts_of_levels_and_gaps():
 
 @pytest.mark.parametrize(("slow", "said"), [(5, False), (6, True)])
 def test_slow_input_is_doubted(slow, said):
-    """Samples beyond a tenth and before nine tenths of the way; where another step follows, up to halfway to it."""
+    """Samples between a tenth and nine tenths of the step are counted, up to half-way to the next step."""
     t = np.arange(200.0)
     u = np.where(t < 50, 2.0, 4.0)
     u[50 : 50 + slow] = np.linspace(2.21, 3.79, slow)
@@ -193,7 +193,7 @@ def test_doubts_of_the_output(y, doubt, said):
 
 
 def test_uniform_in_closed_form():
-    """Samples every 2 with some missing: the grid goes through the step, and the output is interpolated."""
+    """Samples are 2 apart and some are missing. A grid point lies at the step, and the output is interpolated."""
     t = np.delete(np.arange(0.0, 60.0, 2.0), [2, 20]) + 7.0
     u = np.where(t < 27.0, 1.0, 3.0)
     u[3] = 1.02  # the input rests until it steps
@@ -288,7 +288,7 @@ def test_input_at_a_limit_is_doubted(limit, said):
 
 
 def first_order(noise, decimals=None, count=200):
-    """A lag of 20 after a dead time of 5, from 20 to 40, in samples."""
+    """Return a step response from 20 to 40 with a lag of 20 samples and a dead time of 5 samples."""
     t = np.arange(float(count))
     y = 20 + 20 * -np.expm1(-np.maximum(t - 25, 0) / 20)
     y = y + np.random.default_rng(0).normal(0, noise, t.size)
@@ -327,7 +327,7 @@ def test_sensor_errors_are_named(noise, decimals):
 
 @pytest.mark.parametrize("levels", [1, 0])
 def test_output_at_rest_is_not_a_lost_sensor(levels):
-    """Rest before the step, a plant that settles, before a pulse and after it: all stay."""
+    """The output is constant before the step, after settling, and before and after a pulse. No sample is dropped."""
     t = np.arange(300.0)
     y = np.round(20 + 15 * -np.expm1(-np.maximum(t - 30, 0) / 12), levels)
     assert Record(t, np.where(t < 20, 0.0, 1.0), y).outlier_note == ""
@@ -337,7 +337,7 @@ def test_output_at_rest_is_not_a_lost_sensor(levels):
 
 @pytest.mark.parametrize("steps", [25, 50, 100, 200])
 def test_rounded_peak_is_not_a_lost_sensor(steps):
-    """A slow oscillation stands still at its turns for as long as rounding hides them: it has slowed down before."""
+    """Near its extrema a slow oscillation is constant because of rounding. It has become slower before."""
     t = np.arange(300.0)
     late = np.maximum(t - 25, 0)
     y = 1 - np.exp(-late / 100) * (np.cos(late / 25) + 0.25 * np.sin(late / 25))

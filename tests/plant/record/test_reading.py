@@ -1,4 +1,4 @@
-"""Files as historians write them. An error names the row."""
+"""Read files in the formats of historians. An error names the row."""
 
 import contextlib
 import time
@@ -18,7 +18,7 @@ def write(tmp_path, text, encoding="utf-8"):
 
 
 def steps(k):
-    """Time, input and output of the row k: a step at 10."""
+    """Return time, input and output of row k of a record with a step at 10."""
     return k, 40.0 if k < 10 else 47.0, 1020.0 + max(0, k - 12)
 
 
@@ -27,7 +27,7 @@ def lines(form="{},{},{}", count=40):
 
 
 def stamped(form, begin=datetime(2026, 3, 5, 11, 59, 40)):
-    """Rows with the times of a clock."""
+    """Return rows with clock times."""
     moments = (begin + timedelta(seconds=k) for k in range(40))
     return "\n".join(f"{now:{form}},{steps(k)[1]},{steps(k)[2]}" for k, now in enumerate(moments))
 
@@ -87,7 +87,7 @@ def test_day_and_month_are_identified_by_midnight(order, tmp_path):
 
 
 def test_daylight_saving_leaves_no_gap(tmp_path, monkeypatch):
-    """A record through the night in which the clocks of Berlin change, in a time without a change."""
+    """A record spans the night of the clock change in Berlin. Its times are converted to a scale without change."""
     monkeypatch.setenv("TZ", "Europe/Berlin")
     time.tzset()
     text = "t,u,y\n" + "\n".join(
@@ -160,7 +160,7 @@ def test_outliers_are_named_by_row(tmp_path):
 
 
 def step_lines(count=5000):
-    """Rows of a first-order step, as many as are asked for."""
+    """Return the given number of rows of a first-order step response."""
     y = 20 + 7 * -np.expm1(-np.maximum(np.arange(count) - count // 10, 0) * 20 / count)
     return [f"{k},{40 if k < count // 10 else 47},{value:.4f}" for k, value in enumerate(y)]
 
@@ -170,7 +170,7 @@ def step_lines(count=5000):
     "line", ["," * 5000, '"' + "," * 5000, ",x" * 5000], ids=["commas", "quote", "words"]
 )
 def test_long_line_needs_little_memory(tmp_path, where, line):
-    """Memory grows with the file: 25 million entries, of 5,000 rows with 5,000 columns each, would fill gigabytes."""
+    """Memory grows only with the size of the file. A table of 5,000 rows and 5,000 columns would fill gigabytes."""
     lines = ["t,u,y", *step_lines()]
     lines.insert(where, line)
     path = tmp_path / "log.csv"
@@ -225,7 +225,7 @@ def test_too_many_columns_are_refused(tmp_path):
 
 
 def test_ambiguous_decimals_are_refused(tmp_path):
-    """Points in a file of decimal commas stand after thousands; taken out of 57.5 they would make it 575."""
+    """With decimal commas, points separate thousands. If the point of 57.5 were removed, the number would be 575."""
     rows = [f"{t:.1f};{u:.1f};{y:.1f}".replace(".", ",") for t, u, y in map(steps, range(300))]
     assert Record.read_csv(write(tmp_path, "\n".join(rows))).y[-1] == 1307.0
     grouped = [row.replace("1307,0", "1.307,0") for row in rows]
@@ -269,7 +269,7 @@ def test_unit_in_the_name_of_the_times(tmp_path, name, unit):
 
 @pytest.mark.parametrize("columns", [{}, {"time": 1, "u": 2, "y": 0}], ids=["in order", "others"])
 def test_several_traces_are_refused(tmp_path, columns):
-    """A PLC writes a table for each signal, with its own head."""
+    """A PLC writes a separate table with a head for each signal."""
     head = ["Variable; {}", "Address; 0", "Class; 14", "GraphColor; 4282811060", "Data; "]
     rows = [f"; {20 * k}; {value}" for k, value in enumerate([25.0] * 30 + [50.0] * 30)]
     text = "\n".join(
@@ -284,7 +284,7 @@ def test_several_traces_are_refused(tmp_path, columns):
     [("time,setpoint,u,y", ""), ("Time (s),SP,U [V],Y", ""), ("time,sp,co,pv", "u is column 'sp'")],
 )
 def test_columns_called_u_and_y_are_taken_by_default(tmp_path, header, doubted):
-    """The set point before them is not taken for the input in silence."""
+    """A set point in an earlier column is not taken for the input."""
     path = tmp_path / "log.csv"
     rows = [f"{k},{k // 20},{k // 30},{k / 7:.3f}" for k in range(60)]
     path.write_text("\n".join([header, *rows]))
