@@ -181,7 +181,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
         return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
     s = np.roots(
         np.polyadd(num, den)
-    )  # a first approximation; its roots may scatter where `roots` would raise an error
+    )  # a first approximation, whose roots may scatter; here `roots` might raise an error
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, factors)
