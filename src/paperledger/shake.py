@@ -9,18 +9,18 @@ State: wrappers replace every public function, method and property of the packag
 its name occurs. A wrapper calls the unchanged original. `Shaker` counts in ``_inside`` how many calls into the package
 are active.
 
-Invariant: a wrapper changes its result only if it is the outermost call, so ``_inside`` is 0 before and after the call.
-All calls inside the outermost call are exact. Therefore searches converge, and each number is changed only once.
-Constructors and operators are exact, and so is every call inside them.
+Invariant: a wrapper changes its result only if ``_inside`` is 0 before and after the call, so that the call is the
+outermost call. All calls inside the outermost call are exact. Therefore searches converge, and each number is changed
+only once. Constructors and operators are exact, and so is every call inside them.
 
 The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``. The phase differs between functions. The
 change is deterministic and between 2 and 6 times ``SIZE``. It varies with x, so that the quotient of two results
 changes as well. Whole numbers, 0 and infinities do not change.
 
-Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. The size of
-a row's change therefore shows its origin. A copied number does not change. A number computed from printed numbers
-changes as little as these. A number computed with the library changes much more. Pages with rows of the basis
-*computed* also run with an exact library and changed printed numbers. In that run, rows with this basis must not
+Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So the
+change of a row shows the origin of its number. A copied number does not change. A number computed from printed numbers
+changes as little as printed numbers do. A number computed with the library changes much more. Pages with rows of the
+basis *computed* also run with an exact library and changed printed numbers. In that run, rows with this basis must not
 change.
 """
 
@@ -51,8 +51,8 @@ from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, expone
 SIZE = 1e-5  # the relative change of a number is two to six times this
 PRINTS = 1e-3  # change of a printed number, divided by the change of a result of the library
 COPIED = 1e-9  # a smaller relative change is due to the rounding of a stored number
-# A smaller relative change of a row comes from printed numbers, which change rows by 4e-8 or a few times as much. The
-# library changes rows by 2e-6 or more.
+# A row with a smaller relative change was computed from printed numbers, which change rows by 4e-8 or a few times
+# as much. The library changes rows by at least 2e-6.
 PRINTED = 1e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
@@ -522,7 +522,7 @@ def shake(
     Raises
     ------
     LedgerError
-        If the system cannot fork processes, as Windows.
+        If the system cannot fork processes (for example Windows).
     """
     if not hasattr(os, "fork"):
         raise LedgerError("shake takes a system that can fork processes, such as Linux")

@@ -205,8 +205,8 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
     Raises
     ------
     LedgerError
-        If an entry is not a number, or if the note sets several tolerances. Also if the tolerance is finer than the
-        printed digits or wider than 5 % of the printed number.
+        If an entry is not a number, if the note sets several tolerances, or if the tolerance is finer than the printed
+        digits or wider than 5 % of the printed number.
 
     Examples
     --------

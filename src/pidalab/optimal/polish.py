@@ -53,7 +53,8 @@ SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the st
 # The trust region has a largest and a least radius. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
-# Each peak has a kind (see `Peaks`). Smaller kinds are peaks of the process, the others are peaks of other plants.
+# Each peak has a kind, a number (see `Peaks`). Kinds below NOMINAL are peaks of the process, the others of other
+# plants.
 NOMINAL = len(PEAKS)
 
 
@@ -246,8 +247,8 @@ def polish(search: Search, x: Array) -> Polished | None:
       accepted, and the iteration ends when a step is shorter than `LAST_STEP`.
     * Second derivatives are computed again (`stale`) after a step longer than `SMALL_STEP` or than a tenth of the
       preceding step.
-    * Second derivatives are computed from the coarse response, until a step is longer than 0.3 times the preceding
-      step. From then on the fine response is used.
+    * Second derivatives are computed from the response with few samples (`search.iae`), until a step is longer than 0.3
+      times the preceding step. From then on the response with many samples (`search.fine`) is used.
     """
     lagrangian = Lagrangian(search, x)
     z = np.clip(lagrangian.scaled(x), lagrangian.low, lagrangian.high)

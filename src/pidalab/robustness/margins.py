@@ -417,7 +417,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
 
 
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
-    r"""Return the factors k, largest first, above which :math:`|1 + k L| \ge 1/M_s` is violated at some frequency.
+    r"""Return the factors k, largest first, where :math:`|1 + k L| \ge 1/M_s` becomes violated as k rises.
 
     At each frequency, the condition is violated for k between the two roots of
     :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
@@ -429,6 +429,7 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # If an interval begins above the ends of all preceding intervals, factors just below its start are allowed.
+    # At each frequency the forbidden k form an interval from `low` to `high`. If an interval begins above the ends of
+    # all preceding intervals, k just below its start is allowed.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()
