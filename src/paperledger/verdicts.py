@@ -22,7 +22,7 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a share of the printed number
-LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number, and its power of ten
+LONGEST, LARGEST_EXPONENT = 350, 330  # largest number of characters of a number, and largest power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
 # Numbers that were declared to disagree must not give one of these verdicts.

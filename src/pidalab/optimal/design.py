@@ -52,8 +52,8 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # values of local optima up to VALLEY_REACH times the least value, which comes first, in units of time of the
-    # problem
+    # IAE of local optima in units of time of the problem: the least value, then values up to VALLEY_REACH times the
+    # least
     valleys: tuple[float, ...]
 
 

@@ -22,7 +22,8 @@ from pidalab._check import Array
 
 PER_DECADE = 120  # number of grid points per decade
 MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memory
-# Largest angle in rad by which the dead time turns the phase between two points, for peaks and for phase crossovers.
+# Largest angle in rad by which the dead time turns the phase between two points: FINE_STEP for peaks, COARSE_STEP for
+# phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
 NEAR_POSITIVE_AXIS = 0.5

@@ -165,11 +165,11 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
 
     Notes
     -----
-    The size at a time is the largest value of the signal from t = 0 until one dead time later. So a growing response
-    must be exact from the start, but a response that begins with zeros need not be exact at the zeros. A difference
-    after a kick of 1e13 would be negligible in comparison with the kick. So values outside kicks are also compared with
-    the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead time do
-    not count, because a value within a kick is only as exact as its time.
+    The size at a time is the largest value of the signal from t = 0 until one dead time after this time. So a growing
+    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros. A
+    difference after a kick of 1e13 would be negligible in comparison with the kick. So values outside kicks are also
+    compared with the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of
+    the dead time do not count, because a value within a kick is only as exact as its time.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)

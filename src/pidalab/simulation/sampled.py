@@ -85,9 +85,10 @@ def simulate_sampled(
     anti_windup : {None, "clamping", "conditioning"}, optional
         Action of the integral of a continuous controller at a limit. By default, or with "none", it continues to
         integrate. With *clamping* it stops while it would drive the control signal further beyond the limit. With
-        *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, the error for which w would equal the limited
-        signal u. Here k_p is the value of :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
-        ``controller.discretise``. A digital controller uses its own anti-windup.)
+        *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, where w is the control signal before the limits
+        and u the limited signal. With this error, w would equal u. Here k_p is the value of :math:`C(s) - k_i/s` at s =
+        0. ("reset" and "back-calculation" are options of ``controller.discretise``. A digital controller uses its own
+        anti-windup.)
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
@@ -246,7 +247,7 @@ def _behind(
 
 
 def _tracking(ki: float, kp: float, h: float) -> float:
-    """Return the share of u - w that a controller with conditioning adds to its integral in a sample."""
+    """Return the share of u - w (limited minus unlimited signal) that conditioning adds to the integral in a sample."""
     if kp == 0 or not 0 < ki * h / kp < 1:
         raise ValueError(
             f"anti_windup='conditioning' needs kp/ki above the sample time, {h:.4g}, found kp = {kp:.4g}, ki = {ki:.4g}"
