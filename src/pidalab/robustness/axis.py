@@ -29,7 +29,7 @@ FINE_STEP, COARSE_STEP = 0.25, 1.0
 NEAR_POSITIVE_AXIS = 0.5
 ROUNDING = 1e-12  # |log |L||, relative imaginary parts and relative differences count as 0 below this
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
-DETOUR = 1.5  # assumed largest ratio of the length of the path of L between two points to their distance
+DETOUR = 1.5  # between two points, the path of L is assumed to be at most this number times as long as their distance
 NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
 TINIEST = 1e-300  # a smaller |L| counts as 0
 HUGE = 1e9  # where |L| is larger, a jump of the phase is due to a pole on the axis
@@ -296,7 +296,8 @@ class Axis(ABC):
             return np.angle(-num * np.conj(den))
 
         grid, size = self.grid[self.grid < self.end], self.size[self.grid < self.end]
-        # Up to half the sampling frequency the number of crossovers is finite, so a sampled loop needs no such limit.
+        # Up to half the sampling frequency the number of crossovers is finite, so a sampled loop needs no lower bound
+        # of |L|.
         floor = quietest if self.delay and math.isinf(self.end) else TINIEST
         with np.errstate(all="ignore"):
             loud_steps = np.fmax(size[:-1], size[1:]) >= quietest

@@ -172,7 +172,7 @@ def _responses(cut, step, n, intervals, norm):
         return result, 0, TOO_LARGE
     # The Taylor series that advances a stack spans less than delta. It ends where its terms are negligible.
     spanned = min(SERIES, -low)
-    bits = min(-low, len(powers))  # no distance is longer than a step or a dead time
+    bits = min(-low, len(powers))  # a distance is at most a step and at most a dead time
     delta = step * 2.0 ** (low + spanned)
     series, term = 1, norm * delta
     while term > 1e-18:

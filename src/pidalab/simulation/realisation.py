@@ -111,12 +111,12 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
     return np.array(read)
 
 
-# A part of the controller is decoupled if two conditions hold. First, its slowest pole is more than FASTER times as
-# fast as the fastest state that drives the part. Second, the loop gain at the speed of this state is below HIGH_GAIN.
-# With a higher gain the loop would be much faster, and the plant would act as a chain of integrators. With FASTER =
-# 100, a filter 50 times faster than its plant would not be decoupled. The kick of this filter, a short signal of 1e5
-# times y, would be a difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of its
-# largest value.
+# A part of the controller is decoupled (see `_cut`) if two conditions hold. First, its slowest pole is more than FASTER
+# times as fast as the fastest state that drives the part. Second, the loop gain at the speed of this state is below
+# HIGH_GAIN. With a higher gain the loop would be much faster, and the plant would act as a chain of integrators. With
+# FASTER = 100, a filter 50 times faster than its plant would not be decoupled. The kick of this filter, a short signal
+# of 1e5 times y, would be a difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of
+# its largest value.
 FASTER, HIGH_GAIN = 10.0, 100.0
 # Parts that are more than STIFF times as fast as the states that drive them may be kept out of the process (see
 # `_cut`). All other parts then count as slow.

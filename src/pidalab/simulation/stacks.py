@@ -226,7 +226,7 @@ def ages_needed(read, powers, order, base, most):
     for runs in range(1, most + 1):
         ages, p, digits = read, base, runs
         while digits > 0:
-            # Powers above the stored ones exist only without dead time, where one age is enough.
+            # Powers above the stored powers are selected only without dead time, where one age is enough.
             if digits % 2 == 1 and p < len(powers):
                 ages += powers[p].shape[1] // order - 1
             digits //= 2
