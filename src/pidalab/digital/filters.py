@@ -108,7 +108,7 @@ class FilterChain(NamedTuple):
         """Return numerator and denominator in descending powers of z."""
         poles = [np.array([1.0, new + old - 1.0]) for new, old in zip(self.new, self.old, strict=True)]
         lags = [np.array([new, old]) for new, old in zip(self.new, self.old, strict=True)]
-        # Compute the numerators of the states over the common denominator, then those of their differences.
+        # Compute the numerators of the states for a common denominator, and then the numerators of their differences.
         level: list[Any] = [_product([*lags[:j], *poles[j:]]) for j in range(self.order + 1)]
         num: Any = np.zeros(1)
         for gain in self.gains:
@@ -222,8 +222,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     r"""Convert gains on a continuous chain with a held input to equivalent gains on differences of discrete lags.
 
     At the samples both chains have the poles :math:`p_i = e^{-h/T_i}`. The states of the continuous chain are a matrix
-    T times the states of the discrete chain. With the transition matrix A for one sample, each column of T is
-    proportional to :math:`(A - p_i)` times the preceding column i.
+    T times the states of the discrete chain. With the transition matrix A for one sample, column i + 1 of T is
+    proportional to :math:`(A - p_i)` times column i.
 
     Parameters
     ----------

@@ -121,8 +121,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     Notes
     -----
     The rule is taken from the abstract of Grimholt and Skogestad (2018), since the paper itself was not available. The
-    default of τ_c is our choice. For a lag with dead time, Ms without filter is then 1.65 to 1.73, similar to that of
-    `simc`.
+    default of τ_c is our choice. For a lag with dead time, Ms without filter is then 1.65 to 1.73, similar to `simc`.
 
     Examples
     --------

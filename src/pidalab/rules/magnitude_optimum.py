@@ -114,10 +114,15 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     Returns
     -------
     Design
-        The controller. `info` has the ``gains`` :math:`K_{-1}` to :math:`K_m`; ``filter_time`` T_F; ``static_gain`` A_0
-        of the process; ``ie``, the integral of the error after a unit step of the filtered set point,
-        :math:`1/(A_0 K_{-1})`, eq. (37); and ``uncertainty``, the standard uncertainty of each gain in its own unit.
-        The uncertainty follows from that of the areas. It is 0 for a model.
+        The controller. `info` has
+
+        - ``gains``: :math:`K_{-1}` to :math:`K_m`,
+        - ``filter_time``: T_F,
+        - ``static_gain``: A_0 of the process,
+        - ``ie``: the integral of the error after a unit step of the filtered set point, :math:`1/(A_0 K_{-1})`,
+          eq. (37),
+        - ``uncertainty``: the standard uncertainty of each gain in its own unit. It follows from the uncertainty of the
+          areas, and is 0 for a model.
 
     Raises
     ------

@@ -74,8 +74,8 @@ def read_columns(
         The file in UTF-8 or UTF-16, with or without a byte order mark, or in Latin-1.
     wanted : mapping of str to str, int or None
         The keys are the roles "time", "u" and "y". Each value is the name of a column in the header, or its number from
-        0. If the value is None, the column named like the role is used, or else a default column. A doubt names the
-        default columns if the file has more than three columns. Times may be dates.
+        0. If the value is None, the column named like the role is used. If there is none, it is column 0 (time), 1 (u)
+        or 2 (y). A doubt names the default columns if the file has more than three columns. Times may be dates.
     delimiter : str or None
         Text between the columns. A text of several characters is a regular expression. If None, the delimiter is
         detected.
@@ -317,7 +317,7 @@ def _clock(
             return ((times - first) / share, wrong), "s", date
     if unit not in ("", "s"):
         doubts.append(
-            f"the times are in {unit}, by the name of their column, and so is every other time, the sample time too"
+            f"the times are in {unit}, by the name of their column: give all other times, like the sample time, in it"
         )
     return column, unit, ""
 
