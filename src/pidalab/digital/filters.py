@@ -10,10 +10,10 @@ along a chain of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference of the last states. Lags with different time constants also form one chain. An example
-is a filtered derivative in series with an output filter. A derivative then also needs gains on lower differences.
-All this applies to the methods *backward* and *tustin*, which substitute an expression for s. The method *zoh* is exact
-for a held input. It uses the same differences with other gains.
+which is the j-th difference that ends at the last state. Lags with different time constants, as of a filtered
+derivative in series with an output filter, also form one chain. A derivative then also needs gains on lower
+differences. These formulas apply to the methods *backward* and *tustin*, which substitute an expression for s. The
+method *zoh* is exact for a held input. It uses the same differences with other gains.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            increment of the integral of e in a sample
@@ -137,7 +137,7 @@ def filter_chains(
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
         _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
-        # Sort the lags with the fastest first. All terms of the sums in `_on_differences` then have the same sign.
+        # Sort the lags with the fastest first, so that all terms of the sums in `_on_differences` have the same sign.
         lags = tuple(sorted([part.filter_time] * part.filter_order + [behind[0]] * behind[1]))
         for suffix, weight, gains in _by_weight(part, bool(lags), b, c):
             name, before = summed_gains.get((weight, lags), (part.name + suffix, 0.0))

@@ -219,7 +219,7 @@ def _error(named: dict[str, float], compares: bool) -> list[Statement]:
 
 
 def _tracking(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements that take over a signal that has acted on the plant instead of the control signal."""
+    """Return the statements for tracking of a signal that has acted on the plant instead of the control signal."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))

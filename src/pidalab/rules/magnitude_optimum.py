@@ -48,7 +48,7 @@ MO_SOURCES = {
     "uncertainty": "from that of the areas",
 }
 UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
-MOST_UPDATES = 300  # if the filter time still changes after so many updates, it does not settle
+MOST_UPDATES = 300  # an error is raised if the filter time has not settled after this number of updates
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # with a larger order m, rounding errors of the areas dominate
 LOST = 1e-3  # largest accepted relative error of a gain caused by rounding the areas
@@ -268,9 +268,9 @@ def tune_for_noise(
 
     Notes
     -----
-    The example of Fig. 5 starts from 0.1, updates once and then three times more. With these updates 69 of the 70
-    filter times and gains in Tables 3 to 5, and all 18 in Table 6, agree within a unit of the last digit. Settled
-    values differ by up to four units in the rows that settle slowly (n = m, and m = 4).
+    With the start and the updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all 18 in Table
+    6, agree with the paper within a unit of the last digit. Settled values differ from the paper by up to four units in
+    the rows that settle slowly (n = m, and m = 4).
 
     Examples
     --------

@@ -20,7 +20,7 @@ FED_BACK = 0.3  # u follows y if `_agreement` of their changes is at least this
 COLOURED = 1.5  # if more samples share one error, the residuals are not white noise
 CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties for coloured and for white residuals
 CHANCE = 0.003  # accepted probability of taking a drift for a response, or chance for feedback
-OPPOSED = 0.8  # u is fed back only if its changes agree or disagree this much with those of the residuals
+OPPOSED = 0.8  # feedback is assumed if the signs of the changes of u and of the residuals agree or disagree this much
 
 DRIFTS = (
     "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "

@@ -226,7 +226,7 @@ def _first_few(entries: Sequence[str]) -> str:
 
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
-MANY = 12  # an input with at least this number of levels, rounded to a hundredth of its span, has no separate steps
+MANY = 12  # if u, rounded to a hundredth of its span, has at least this number of levels, it has no separate steps
 FOLLOWS = 0.98  # an input follows the output if the output explains a larger share of the input's variance
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"

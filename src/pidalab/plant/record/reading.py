@@ -41,7 +41,7 @@ UNIT = re.compile(
 )
 QUOTED = 60  # largest number of characters of the file that a message quotes
 SAMPLE = 50  # lines from which the format is detected, and largest number of column names in a message
-LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters of a row, and columns
+LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # largest number of characters in a row, and of columns
 
 
 PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if no name is given and the header has no such name
@@ -328,8 +328,7 @@ def _stamps(
     """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
 
     Several formats are tried. The format that reads the most entries is used. If several formats read equally many, the
-    one with the smallest span of time is used. At midnight it is the day that changes, so this format reads the right
-    number as the day.
+    one with the smallest span of time is used. If the record runs past midnight, this is the right format.
     """
     import pandas as pd
 
