@@ -64,8 +64,8 @@ def discretise(
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
     without proportional action. It also suits loops in which u stays at a limit for long and must leave the limit late.
-    *back-calculation* with a short `tracking_time` leaves a limit early. With each of the three the controller always
-    leaves the limit. Use None only for actuators without limits.
+    *back-calculation* with a short `tracking_time` leaves a limit early. With each of these three words the controller
+    always leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------
@@ -99,7 +99,8 @@ def discretise(
     output_filter : OutputFilter or control.TransferFunction, optional
         A filter of the control signal, which must be equal lags of gain 1. It becomes a part of the controller.
     feedforward : bool, optional
-        True if ``step`` and the written code shall have another input, which is added before the limits.
+        True if ``step`` and the written code have a further input that is added to the control signal before the
+        limits.
     tunable : bool, optional
         True if the gains may change without a bump while the controller runs. They are then variables in the written
         code. In Python, ``retune`` changes them.

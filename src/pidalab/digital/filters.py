@@ -73,7 +73,8 @@ class FilterChain(NamedTuple):
     new, old : tuple of float
         g_0 and g_1 of each lag.
     gains : tuple of float
-        Gain on the last state, then gains on the differences of order 1 to n that end at the last state, for n lags.
+        For n lags: the gain on the last state, then the gains on the differences of order 1 to n that end at this
+        state.
     """
 
     name: str
@@ -221,8 +222,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     r"""Convert gains on a continuous chain with a held input to equivalent gains on differences of discrete lags.
 
     At the samples both chains have the poles :math:`p_i = e^{-h/T_i}`. The states of the continuous chain are a matrix
-    T times the states of the discrete chain. Each column of T is the preceding column, advanced by one sample, minus
-    the preceding column times its pole.
+    T times the states of the discrete chain. With the transition matrix A for one sample, each column of T is
+    proportional to :math:`(A - p_i)` times the preceding column i.
 
     Parameters
     ----------

@@ -23,7 +23,8 @@ MOST_ENDS = 400  # largest number of intervals of a record to which a ramp is fi
 # A record has settled if the mean changes by less than this share between its last two tenths.
 STILL_MOVING = 0.01
 NOISY = 0.01  # with more noise, relative to the whole change, single samples mislead
-# If the gain of the record exceeds that of the model by more, the loop with the process has a clearly larger Ms.
+# If the gain of the record exceeds that of the model by a larger share, the loop with the process has a clearly larger
+# Ms.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -432,7 +433,7 @@ def _rise_time(t: Array, y: Array) -> float:
 
 
 def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:
-    """Return the largest relative excess of a unit-step record's gain over that of its model, up to a frequency.
+    """Return the largest value of |record| / |model| - 1 at frequencies up to `highest`, for the record of a unit step.
 
     The record is taken as linear between its samples. Therefore its frequency response, the integral of y' e^{-jωt}, is
     a finite sum.

@@ -118,7 +118,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     if now.size < FEWEST_IN_CYCLE * cycles:
         raise ValueError(f"sample {FEWEST_IN_CYCLE} times or more in a period, found {now.size / cycles:.1f}")
     held = np.diff(t[rises[0] : rises[-1] + 1])
-    # The coefficient of the held u is exact. Each sample of y stands for half of both neighbouring intervals.
+    # The coefficient of the held u is exact. Each sample of y represents half of each neighbouring interval.
     w = 2j * np.pi / tu
     edges = np.exp(-w * t[rises[0] : rises[-1] + 1])
     first_u = np.sum(u[part] * np.diff(edges)) / (-w * np.sum(held))

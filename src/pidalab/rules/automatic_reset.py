@@ -15,7 +15,7 @@ of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 
 takes one of the two zeros, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), are
 printed in the paper as the result of a search.
 
-A `Setting` contains these numbers without dimension. `tune` converts any setting to a controller.
+A `Setting` contains the dimensionless parameters. `tune` converts any setting to a controller.
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ has coefficients that are linear in the gains, eqs. (13) and (14). The m + 2 gai
 
 eqs. (15) and (16). Areas with a negative index are 0, and the areas include the filter. So 2m + 4 areas are needed. The
 system is solved in exact fractions, because its condition number grows more than a hundredfold with each m. It is
-singular if the controller could cancel every pole of process and filter, since its gains are then unbounded.
+singular if the controller could cancel every pole of process and filter, since the gains are then unbounded.
 
 The conditions concern low frequencies and do not make the loop stable. If the delay dominates or the process
-oscillates, the loop is unstable at some orders. The functions here then raise an error if a process is given. From
-areas alone, instability cannot be detected.
+oscillates, the loop is unstable for some m. The functions here then raise an error if a process is given. From areas
+alone, instability cannot be detected.
 """
 
 from __future__ import annotations
@@ -361,9 +361,9 @@ def tune_for_filter_noise(
 
 
 def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, float | None]:
-    """Return two logarithms of filter times that bracket the requested noise gain. The second may be None.
+    """Return two logarithms of filter times that bracket the requested noise gain.
 
-    A longer filter time gives less noise.
+    The second is None if the search fails. A longer filter time gives less noise.
     """
     here = start
     sign = math.copysign(1.0, excess(here))
@@ -423,7 +423,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
-    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be mistaken for areas
+    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be taken for areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
@@ -461,7 +461,7 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
 
 
 def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
-    """Return the relative change of each gain by a step of each area: (m + 2, 2m + 4). Return inf if singular."""
+    """Return the relative change of each gain by a step of each area, shape (m + 2, 2m + 4), or inf if singular."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
