@@ -328,7 +328,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers, the same with both ends of the axis, and max(-L, 0) at the latter frequencies."""
+    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at this array."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -419,7 +419,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
     r"""Return the factors k, largest first, where :math:`|1 + k L| \ge 1/M_s` becomes violated as k rises.
 
-    At each frequency, the condition is violated for k between the two roots of
+    At each frequency, the condition fails for k between the two roots of
     :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
     """
     size = np.abs(unit) ** 2

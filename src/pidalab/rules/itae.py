@@ -37,7 +37,7 @@ from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
-    """f_d, the share of the dead time that the acceleration compensates, and f_a = tau_a / tau_d."""
+    """Hold f_d, the share of the dead time that the acceleration compensates, and f_a = tau_a / tau_d."""
 
     f_d: float
     f_a: float
