@@ -61,8 +61,8 @@ def ultimate_frequency(process: Process) -> float:
     Parameters
     ----------
     process : Process
-        Process that is stable or has one integrator. Its static gain must not be 0, and the sign of the gain does not
-        count as phase. Below the ultimate frequency there must be no zero on the imaginary axis, where the phase jumps.
+        Process that is stable or has one integrator. Its static gain must not be 0. A negative gain does not shift the
+        phase here. Below the ultimate frequency there must be no zero on the imaginary axis, where the phase jumps.
 
     Returns
     -------

@@ -158,12 +158,13 @@ class Controller(Block):
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes. A form that does not exist says why.
+            Ideal, series and parallel form, with times in seconds and minutes. If a form does not exist, its entry says
+            why.
 
         Raises
         ------
         ValueError
-            If the unit is another, or if there are derivatives of order 3 or more.
+            If the unit is unknown, or if there are derivatives of order 3 or more.
 
         Examples
         --------

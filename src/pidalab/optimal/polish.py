@@ -123,7 +123,7 @@ class Peaks:
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the second derivative of the log height by log frequency, for each peak."""
+        """Return the second derivative of log(height) by log(frequency), for each peak."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
@@ -138,7 +138,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the derivative of the log height by log frequency, for each peak."""
+        """Return the derivative of log(height) by log(frequency), for each peak."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
@@ -217,7 +217,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian. Peaks are refined for each point of the differences."""
+        """Return the second derivatives of the Lagrangian. Peaks are refined at each point of the differences."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -341,8 +341,8 @@ def solve_qp(
 ) -> tuple[Array, Array] | None:
     """Return the step that minimises a quadratic function, and the multipliers of the limits.
 
-    The step satisfies rows @ step >= -slack, and no element exceeds `trust`. The problem is solved as a least-distance
-    programme [LaH95]_. Return None if it has no solution.
+    The step satisfies rows @ step >= -slack, and no element of the step exceeds `trust` in size. The problem is solved
+    as a least-distance programme [LaH95]_. Return None if it has no solution.
     """
     from scipy.optimize import nnls
 

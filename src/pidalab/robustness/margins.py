@@ -63,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, smaller \\|L\\|
-        are included. In an unstable loop, the dead time may turn the phase more than about 300,000 times where \\|L\\|
-        is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
+        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, crossovers with
+        smaller \\|L\\| are included. In an unstable loop, the dead time may turn the phase more than about 300,000
+        times where \\|L\\| is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -328,7 +328,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers, the same with both ends of the axis, and max(-L, 0) at the latter frequencies."""
+    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at this array."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -419,7 +419,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
     r"""Return the factors k, largest first, where :math:`|1 + k L| \ge 1/M_s` becomes violated as k rises.
 
-    At each frequency, the condition is violated for k between the two roots of
+    At each frequency, the condition fails for k between the two roots of
     :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
     """
     size = np.abs(unit) ** 2

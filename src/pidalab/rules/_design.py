@@ -166,12 +166,13 @@ class Design:
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes. A form that does not exist says why.
+            Ideal, series and parallel form, with times in seconds and minutes. If a form does not exist, its entry says
+            why.
 
         Raises
         ------
         ValueError
-            If the unit is another.
+            If the unit is unknown.
 
         Examples
         --------
