@@ -103,10 +103,10 @@ def from_record(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times from 0. A `pidalab.Record` may be given instead. Then give only `count` with it.
+        Uniform times from 0. A `pidalab.Record` may be given instead, together with `count`.
     u, y : array_like, shape (n,), optional
-        Input, held from each sample to the next, and output. Both must be at rest at the beginning (or see `start`) and
-        again at the end.
+        Input, held from each sample to the next, and output. Both must rest at the beginning (unless `start` is given)
+        and at the end.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
@@ -127,12 +127,12 @@ def from_record(
     Warns
     -----
     RecordWarning
-        If an area is uncertain by more than 5 %, or if the record does not settle and this has an equal effect.
+        If noise, or drift at the end of the record, makes an area uncertain by more than 5 %.
 
     Notes
     -----
-    Only one error of sampling with step h matters. If the slope of the output jumps by y', as with a single lag, the
-    error of A_1 is about h² y'/12.
+    Sampling with step h causes only one error that matters. If the slope of the output jumps by y', as with a single
+    lag, the error of A_1 is about h² y'/12.
 
     The end of the record counts as a steady state if none of five decaying exponentials is found in it. Their time
     constants are 1/32 to 1/2 of its length. The end is divided into sixteen pieces. An exponential is found if its

@@ -171,9 +171,9 @@ class Benchmark:
         Returns
         -------
         pandas.DataFrame
-            A row for each rule and kind with the number of plants. Further columns are the median of IAE / (least IAE
-            of the kind), the median of IAE / (least IAE of all kinds), and the value of the latter that is exceeded on
-            a tenth of the plants.
+            A row for each rule and kind with the number of plants. "of its kind" is the median of IAE / (least IAE of
+            the kind). "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that the
+            second ratio exceeds on a tenth of the plants.
 
         Raises
         ------

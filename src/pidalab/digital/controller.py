@@ -162,7 +162,7 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart at the next measurement, or at rest with the given signals.
+        """Restart from rest, at the given signals or at those of the next call of ``step``.
 
         Parameters
         ----------

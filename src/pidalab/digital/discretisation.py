@@ -54,8 +54,8 @@ def discretise(
     ==================  ==============================================================================================
     reset               For a `SeriesPIDA` with b = c = 1, the integral is the limited signal, filtered by a lag of time
                         constant :math:`t_i` (huba2024, Fig. 1, eqs. (3), (8)). For other controllers,
-                        back-calculation is used with the integral time as tracking time. (For backward differences and
-                        b = 1 this filters the limited signal minus its derivative parts by the same lag.)
+                        back-calculation is used with the integral time as tracking time. (With backward differences and
+                        b = 1, the integral then is (limited signal - derivative parts), filtered by the same lag.)
     back-calculation    The share :math:`h/(T_t + h)` of the part cut off is taken back from the integral. :math:`T_t`
                         is the tracking time.
     clamping            The integral grows up to the limit, and keeps its value while it would drive the signal beyond.
@@ -85,8 +85,9 @@ def discretise(
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional
         As in the table. "none" means None. (A further word, "conditioning", exists in `pidalab.simulate_sampled` only.)
     tracking_time : float, optional
-        For back-calculation, above 0. By default the geometric mean of integral and derivative time, or the integral
-        time if there is no derivative. For integral action alone it is 0, so the integral stays at the limit.
+        Tracking time of back-calculation, above 0. By default it is the geometric mean of integral and derivative time,
+        or the integral time if there is no derivative. For integral action alone it is 0, so the integral stays at the
+        limit.
     deadband : float, optional
         Errors up to this size count as zero, and larger errors are reduced by it. At least 0, in units of y.
     bias : float, optional

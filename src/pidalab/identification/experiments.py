@@ -242,7 +242,7 @@ def ipdt_tangent(
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2
     slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
-    # Take the slope in the direction of the change, since the record may first move the other way.
+    # Take the steepest slope in the direction of the change, since the record may first move the other way.
     i = int(np.argmax(slopes * np.sign(change)))
     middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
     delay = middle - (level - y[0]) / slopes[i]
@@ -373,7 +373,7 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     Notes
     -----
     If the ramp starts between two samples, the sums over the later samples do not depend on its start. The best start
-    and slope are therefore those of a regression line, with the start clipped to the interval. The best result of all
+    and slope are therefore given by a regression line, with the start clipped to the interval. The best result of all
     intervals and their ends is returned.
     """
     # Each entry is the sum over the samples from the i-th on.
@@ -429,7 +429,7 @@ def _rise_time(t: Array, y: Array) -> float:
     """Return the time from a tenth to nine tenths of the whole change of a record."""
     share = (y - y[0]) / (np.mean(y[-max(1, y.size // 10) :]) - y[0])
     before, after = np.flatnonzero(share < 0.1), np.flatnonzero(share > 0.9)
-    return float(t[after[0]] - t[before[before < after[0]][-1]])  # at least one sample reaches a mean
+    return float(t[after[0]] - t[before[before < after[0]][-1]])  # some sample reaches the mean
 
 
 def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:

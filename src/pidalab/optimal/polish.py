@@ -123,7 +123,7 @@ class Peaks:
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the second derivative of the log height by log frequency, for each peak."""
+        """Return the second derivative of log(height) by log(frequency), for each peak."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
@@ -138,7 +138,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the derivative of the log height by log frequency, for each peak."""
+        """Return the derivative of log(height) by log(frequency), for each peak."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1

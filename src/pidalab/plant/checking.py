@@ -34,7 +34,7 @@ CLEARER = 0.8  # a load is real if it reduces the residuals to this ratio or les
 CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output must move
 COLOURED = 3.0  # if more samples share one error, the residuals are not white noise
 EXPLAINED = 0.8  # a doubt is given if the controller explains less than this share of the movement of u
-MOST_STEPPED = 5000  # number of samples over which the controller is run
+MOST_STEPPED = 5000  # the controller is run for at most this number of samples
 FED_BACK = 0.05  # a doubt is given if slow disturbances cause at least this share of the variance of u
 CHECK_COLUMNS = {
     "IAE load": "iae_load",
@@ -103,10 +103,10 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step in %, compared with the best gains of this kind with the same Ms and noise.
+        """Excess of the IAE of a load step, in %, over the best gains of the same kind, Ms and noise gain.
 
-        Below 0 if the search found no gains that are as good. (The search uses no filter faster than the sample.) nan
-        if there is nothing to compare with.
+        Below 0 if the running gains are better than those that the search found. (The search uses no filter faster than
+        the sample.) nan if there are no other gains.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)

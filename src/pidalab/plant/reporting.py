@@ -73,7 +73,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the record, the model and the designs. Those of designs name the kinds concerned."""
+        """Reservations about the record, the model and the designs. A reservation about designs names their kinds."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]

@@ -34,7 +34,7 @@ Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 class LoopMs(NamedTuple):
     """Maximum sensitivity Ms of a loop, which is infinite if the loop is unstable.
 
-    If the sampled loop has no Ms, `ms` is that of the continuous loop, and `reason` says why.
+    If the sampled loop has no Ms, `ms` belongs to the continuous loop, and `reason` says why.
     """
 
     ms: float
@@ -103,7 +103,7 @@ def correct_request(
     make : callable
         Function that makes a design for some requirements.
     sizes : callable
-        Function that returns, for a design, Ms with the model and the largest Ms over the family.
+        Function that returns Ms of a design with the model, and its largest Ms with the family.
     limits : Requirements
         Limits of the real loop.
     start : Design, optional

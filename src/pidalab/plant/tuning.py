@@ -89,8 +89,8 @@ def tune(
     noise_gain : float, optional
         Largest (standard deviation of u) / (standard deviation of white measurement noise), sampled with `sample_time`.
         By default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without
-        noise, the gain from noise to u at any frequency is limited instead, to ten times the gain that the loop needs
-        at least (1/|P| at rest).
+        noise, the gain from noise to u at any frequency is limited instead, to 10/\|P(0)\|. (For an integrator, P is
+        taken where its phase has fallen by 45°.)
     sample_time : float, optional
         Sample time of the controller that will run the design by backward differences, above 0. Half of it is added to
         the dead time, to account for the hold. The design is corrected until the sampled loop has the requested Ms, to
@@ -118,9 +118,8 @@ def tune(
     ------
     TypeError, ValueError
         If an argument is out of range, the rule does not make this kind of controller, the model is outside the
-        validity of the rule, or no controller meets the limits. Also if the loop is unstable with the model, if
-        `ms_worst` costs more than three times the IAE, or if a Fit with a large model error has fewer poles than `kind`
-        has derivatives.
+        validity of the rule, no controller meets the limits, the loop is unstable with the model, the price exceeds 3,
+        or a Fit with a large model error has fewer poles than `kind` has derivatives.
 
     Examples
     --------

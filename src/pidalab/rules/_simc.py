@@ -30,10 +30,10 @@ def simc(
               \tau_D = \tau_2
 
     The controller is in series form. An integrator counts as an infinite lag. Half of the largest neglected lag is
-    added to the smallest kept lag. The other half, all smaller lags and the zeros in the right half-plane are added to
-    the dead time. A zero in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). For a pure dead
-    time the result is an integral controller. For a double integrator it is a PID controller with
-    :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
+    added to the smallest kept lag. Three things are added to the dead time: the other half, all smaller lags, and the
+    time constants of zeros in the right half-plane. A zero in the left half-plane is cancelled by a lag of similar size
+    (rules T1 to T3). For a pure dead time the result is an integral controller. For a double integrator it is a PID
+    controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     ==================  ==================
     Skogestad (2003)    here
@@ -96,8 +96,8 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
 
-    The form is the series form. For a pure dead time the result is a PI controller with
-    :math:`k_i = 1/(K (\tau_c + \theta))` and :math:`k_p = k_i\,\theta/3`.
+    The controller is in series form. For a pure dead time the result is a PI controller with :math:`k_i = 1/(K (\tau_c
+    + \theta))` and :math:`k_p = k_i\,\theta/3`.
 
     Parameters
     ----------
@@ -121,8 +121,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     Notes
     -----
     The rule is taken from the abstract of Grimholt and Skogestad (2018), since the paper itself was not available. The
-    default of τ_c is our choice. For a lag with dead time, Ms without filter is then 1.65 to 1.73, similar to that of
-    `simc`.
+    default of τ_c is our choice. For a lag with dead time, Ms without filter is then 1.65 to 1.73, similar to `simc`.
 
     Examples
     --------

@@ -1,9 +1,10 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
-Controller and range of models are those of `itae`, but the results are closer to the least ITAE. For set-point steps
-most of the best controllers have a simple structure, since their zeros cancel the poles of the model. Overdamped models
-with long dead time are an exception. For these, cancelling costs up to 11 % of ITAE. For loads the fit keeps Ms at 2.
-The chapter on heo2023 shows the optima and compares these rules with others on models and on full processes.
+The controllers and the range of models are the same as in `itae`, but the results are closer to the least ITAE. For
+set-point steps most of the best controllers have a simple structure, since their zeros cancel the poles of the model.
+Overdamped models with long dead time are an exception. For these, cancelling costs up to 11 % of ITAE. For loads the
+fit keeps Ms at 2. The chapter on heo2023 shows the optima and compares these rules with others on models and on full
+processes.
 """
 
 from __future__ import annotations

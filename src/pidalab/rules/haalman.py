@@ -168,7 +168,7 @@ def tune(
     -------
     Design
         Controller and output filter. `info` has ``ms_asked`` and the gain crossover ``wgc``, both without the output
-        filter. ``design.ms`` is that of the loop with the output filter.
+        filter. ``design.ms`` is Ms of the loop with the output filter.
 
     Raises
     ------
@@ -243,7 +243,7 @@ class OutputFilter(NamedTuple):
 
 
 def output_filter(model: Process, controller: PIDA) -> OutputFilter:
-    """Design a low-pass filter for the control signal, 20 times faster than the gain crossover, eq. (9).
+    """Design a low-pass filter of the control signal, with a corner at 20 times the gain crossover, eq. (9).
 
     Parameters
     ----------

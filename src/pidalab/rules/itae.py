@@ -115,7 +115,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
 
 
 def factors(model: Process) -> Factors:
-    """Compute the factors of the PIDA rule by Table 1, for the given model (not the changed one).
+    """Compute the factors of the PIDA rule by Table 1, from the given model (not from the changed model of eq. (9)).
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The default `factors` are those of the given model. The ratio r of the changed model may be as small as 0.057,
+    The default `factors` are computed from the given model. The ratio r of the changed model may be as small as 0.057,
     outside the range of the table. The paper does the same. The factor of the acceleration time is corrected (see the
     top of this module).
 

@@ -48,7 +48,7 @@ MO_SOURCES = {
     "uncertainty": "from that of the areas",
 }
 UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
-MOST_UPDATES = 300  # if the filter time still changes after so many updates, it does not settle
+MOST_UPDATES = 300  # an error is raised if the filter time has not settled after this number of updates
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # with a larger order m, rounding errors of the areas dominate
 LOST = 1e-3  # largest accepted relative error of a gain caused by rounding the areas
@@ -114,10 +114,15 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     Returns
     -------
     Design
-        The controller. `info` has the ``gains`` :math:`K_{-1}` to :math:`K_m`; ``filter_time`` T_F; ``static_gain`` A_0
-        of the process; ``ie``, the integral of the error after a unit step of the filtered set point,
-        :math:`1/(A_0 K_{-1})`, eq. (37); and ``uncertainty``, the standard uncertainty of each gain in its own unit.
-        The uncertainty follows from that of the areas. It is 0 for a model.
+        The controller. `info` has
+
+        - ``gains``: :math:`K_{-1}` to :math:`K_m`,
+        - ``filter_time``: T_F,
+        - ``static_gain``: A_0 of the process,
+        - ``ie``: the integral of the error after a unit step of the filtered set point, :math:`1/(A_0 K_{-1})`,
+          eq. (37),
+        - ``uncertainty``: the standard uncertainty of each gain in its own unit. It follows from the uncertainty of the
+          areas, and is 0 for a model.
 
     Raises
     ------
@@ -263,9 +268,9 @@ def tune_for_noise(
 
     Notes
     -----
-    The example of Fig. 5 starts from 0.1, updates once and then three times more. With these updates 69 of the 70
-    filter times and gains in Tables 3 to 5, and all 18 in Table 6, agree within a unit of the last digit. Settled
-    values differ by up to four units in the rows that settle slowly (n = m, and m = 4).
+    With the start and the updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all 18 in Table
+    6, agree with the paper within a unit of the last digit. Settled values differ from the paper by up to four units in
+    the rows that settle slowly (n = m, and m = 4).
 
     Examples
     --------

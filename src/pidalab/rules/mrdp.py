@@ -111,7 +111,7 @@ def _coefficient(m: int, j: int) -> float:
 
 
 def filter_ratio(m: int, n: int) -> float:
-    r"""Compute the filter time constant, divided by the equivalent dead time, T_f / T_e: eq. (11) and Table II.
+    r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
     The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
     either of them. For n = m the loop with the filter has no such pole. Eq. (9) then gives -1/T_f, the pole of the
@@ -219,11 +219,17 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     Returns
     -------
     Design
-        Controller, eqs. (2) and (7), and prefilter, eq. (13). `info` has the orders ``m`` and ``n``; ``te``; the total
-        dead time ``delay``; the dominant ``pole`` in 1/time; ``kc``, ``ti`` and the tuple ``td`` of T_D1 ... T_Dm in
-        time, time², ...; ``filter_time`` T_f; ``weights`` b_0, b_1, ... of the prefilter; ``ie``, the integral of the
-        error after a unit step of the set point; and ``smallest_te``. ``ie`` equals the IAE if the error does not
-        change its sign.
+        Controller, eqs. (2) and (7), and prefilter, eq. (13). `info` has
+
+        - ``m``, ``n``, ``te``: the arguments,
+        - ``delay``: the total dead time,
+        - ``pole``: the dominant pole, in 1/time,
+        - ``kc``, ``ti``, ``td``: gain, integral time, and the tuple of T_D1 ... T_Dm in time, time², ...,
+        - ``filter_time``: T_f,
+        - ``weights``: b_0, b_1, ... of the prefilter,
+        - ``ie``: the integral of the error after a unit step of the set point, which equals the IAE if the error does
+          not change its sign,
+        - ``smallest_te``: the result of `smallest_te` times the dead time.
 
     Raises
     ------

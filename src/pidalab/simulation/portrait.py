@@ -285,7 +285,7 @@ def portrait(
     TypeError, ValueError
         If the controller is not a `SeriesPIDA` or the loop has an output filter; if parameters are unknown, not finite,
         out of range or do not broadcast; if the sample time exceeds the time constant of a filter; if a prefilter is
-        unstable; if no control signal within the limits can hold the load and the set point; and as
+        unstable; if no control signal within the limits can hold the load and the set point; and as for
         `simulate_sampled`.
     MemoryError
         If the grid has more than ten million sets.

@@ -103,7 +103,8 @@ def simulate_sampled(
     -------
     Response
         Signals at the times t. At a jump, the value just after the jump is returned. `u` is the limited and rounded
-        control signal, which is held from each sample to the next. With pulses it is their mean over the sample.
+        control signal, which is held from each sample to the next. With pulses, `u` is the mean of each pulse over its
+        sample.
 
     Raises
     ------

@@ -54,7 +54,8 @@ class Fit:
         Kind of the model: "fopdt", "sopdt", "lags", "ipdt", "ifopdt" or "sopdtz".
     parameters, uncertainty : mapping of str to float
         Values and their standard uncertainties. The uncertainties follow from the sensitivities of the output and from
-        the size and correlation of the residuals. In closed loop they are multiplied by a factor, see `fit`.
+        the size and correlation of the residuals. In closed loop they are multiplied by a factor of 1.3 (white
+        residuals) or 7.
     residuals : ndarray, shape (n,)
         Recorded minus simulated output, at the times of the record or, for a long record, at averaged times.
     deviation : float
@@ -86,8 +87,8 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return random plants that the record does not rule out.
 
-        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Others
-        have a further lag: the longest lag that raises the residuals by at most 3 %, and a medium lag. In a record such
+        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Two others
+        have a further lag: the longest lag that raises the residuals by at most 3 %, or a medium lag. In a record such
         a lag resembles a short dead time, but it acts differently in a loop. If the fitted model has equal lags, models
         of two unequal lags and a further lag are also used. Around each model, the least likely 5 % of the plants are
         left out.
@@ -189,7 +190,7 @@ class Fit:
 
     @property
     def nrmse(self) -> float:
-        """Goodness of fit: 1 minus the RMS of the residuals divided by the standard deviation of y."""
+        """Goodness of fit: 1 - `deviation` / (standard deviation of y)."""
         return 1.0 - self.deviation / float(np.std(self._data.y))
 
     @cached_property
@@ -313,8 +314,7 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         the simplest identifiable model whose residuals are at most 3 % above the least. It tries "ifopdt" and "sopdtz"
         only if no load is fitted and the residuals of the other models exceed the noise.
     load : bool, optional
-        True to fit the size and time of a load step as well. Then a record of a loop at a constant set point may be
-        enough.
+        True to fit also the size and time of a step of the load. This allows records of a loop at a constant set point.
 
     Returns
     -------

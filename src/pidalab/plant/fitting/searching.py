@@ -259,8 +259,8 @@ def search(data: FitData, shape: Shape) -> FitResult:
     -----
     Gain, level, initial state and load enter linearly, and `projected` solves for them at each step of the search
     (variable projection, Golub and Pereyra 1973). The grid is divided into parts with similar shapes. A descent begins
-    at the best start of each part, so both oscillating and overdamped shapes are tried. The descent with the least cost
-    is refined.
+    at the best start of each part, so that oscillating and overdamped shapes are both tried. The descent with the least
+    cost is refined.
     """
     span = data.t[-1] - float(data.change_times[0])
     delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])

@@ -20,7 +20,7 @@ FED_BACK = 0.3  # u follows y if `_agreement` of their changes is at least this
 COLOURED = 1.5  # if more samples share one error, the residuals are not white noise
 CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties for coloured and for white residuals
 CHANCE = 0.003  # accepted probability of taking a drift for a response, or chance for feedback
-OPPOSED = 0.8  # u is fed back only if its changes agree or disagree this much with those of the residuals
+OPPOSED = 0.8  # feedback is assumed if the signs of the changes of u and of the residuals agree or disagree this much
 
 DRIFTS = (
     "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
@@ -117,9 +117,10 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
     -----
     A controller feeds disturbances back to u. White noise does not bias a fit from u to y. Slower disturbances bias it
     by an amount that the record does not show. The factors were calibrated with simulated loops of random first-order
-    plants, as in the tests. The gain has the largest errors. The 95 % quantile of its error, divided by 1.96 standard
-    uncertainties, is 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load. Both are rounded
-    up. In loops with other random numbers at least 90 % of the stated intervals contained each parameter.
+    plants, as in the tests. The gain has the largest errors. Its error divided by 1.96 standard uncertainties has the
+    95 % quantile 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load. The factors are these
+    numbers, rounded up. In loops with other random numbers at least 90 % of the stated intervals contained each
+    parameter.
     """
     # Noise passes from y to u within a sample. Compare only signs, so that a set-point step counts as one sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))

@@ -19,7 +19,7 @@ from pidalab.plant.record.reading import read_columns
 
 LONG_INTERVAL = 5.0  # a sampling interval longer than this number of median intervals is a gap
 FEW_LEVELS = 20  # a doubt is given if y has at most this number of levels
-LONG = 0.1  # a doubt is given if a moving input stays longer at its largest or smallest value; share of the samples
+LONG = 0.1  # a doubt is given if a moving input has its largest or smallest value for a longer share of the record
 SAME_PERIOD = 0.01  # the sampling interval of a file may differ from `period` by this share
 TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
 RAMP_SAMPLES = 5  # a doubt is given if the input takes more samples than this to change between two levels
@@ -432,7 +432,7 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
 
 
 def _quantum(y: Array) -> float:
-    """Return the least distance between two values of a rounded signal, or 0 if most values do not recur."""
+    """Return the least distance between two values of a rounded signal, or 0 if the signal is not rounded."""
     levels = np.unique(y)
     return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0
 

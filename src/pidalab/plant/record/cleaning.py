@@ -22,7 +22,7 @@ LONGEST_WRAP = 10
 OVERLAP = 3
 # Values at which counters restart.
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-# An output may stand still for this number of samples, or for this share of all samples if that is more.
+# An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
 # Before an output stands still, its movement is measured in the last 10 samples and in the last 3.
 BEFORE, JUST_BEFORE = 10, 3
@@ -33,7 +33,7 @@ MANY_STEPS, LITTLE = 2.5, 0.005
 # An input is a clock if it differs from a straight line in time by less than STRAIGHT times its span. It is a copy of
 # the output if it differs from a linear function of the output by less than COPY times its span.
 STRAIGHT, COPY = 0.01, 1e-4
-DISORDER = 0.05  # largest share of samples whose time may lie before that of an earlier sample
+DISORDER = 0.05  # largest share of samples that may have a smaller time than an earlier sample
 LISTED = 4  # largest number of entries of a list in a message; further entries are counted
 
 Places = NDArray[np.intp]  # indices of samples
@@ -226,7 +226,7 @@ def _first_few(entries: Sequence[str]) -> str:
 
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
-MANY = 12  # an input with at least this number of levels, rounded to a hundredth of its span, has no separate steps
+MANY = 12  # if u, rounded to a hundredth of its span, has at least this number of levels, it has no separate steps
 FOLLOWS = 0.98  # an input follows the output if the output explains a larger share of the input's variance
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
