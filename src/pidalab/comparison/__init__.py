@@ -21,7 +21,7 @@ from pidalab.rules import Design
 from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
 
-PERIODS = 12.0  # length of the first simulated response, in periods of the plant
+PERIODS = 12.0  # length of the first simulated response, in ultimate periods of the plant
 RELATIVE_NOISE_GAIN = 1.5  # default limit of the relative noise gain
 COMPARISON_COLUMNS = {
     "IAE load": "iae_load",
