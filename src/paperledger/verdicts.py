@@ -83,7 +83,7 @@ def unit(number: Decimal) -> Decimal:
 
 
 def agrees(fresh: str, stored: str) -> bool:
-    """Return True if a new number equals a stored number, to one unit in the last stored place or 1e-9 of it.
+    """Return True if a new number equals a stored one, within a unit in the last stored place or a relative 1e-9.
 
     A stored number with fewer digits than the new number does not agree, since it would hide a change. One decimal less
     is allowed (9.99... and 10.0... both have ten digits). Ten decimals are always enough, for a computed zero.
@@ -299,8 +299,8 @@ class Relation:
         Parameters
         ----------
         text : str
-            Left name, sign and right name. After ``|`` may follow a convention, and then ``some``,
-            ``holds for: ex1; ex2``, or ``fails for: ex3``.
+            Left name, sign and right name. Two entries may follow, each after ``|``: a convention, and one of ``some``,
+            ``holds for: ex1; ex2`` and ``fails for: ex3``.
 
         Returns
         -------
@@ -458,7 +458,7 @@ class Evidence:
     right : str
         The right number with its digits.
     remark : str, optional
-        Number of cases of which this is the worst, and the range of the ratio of both sides.
+        Number of cases, name of the decisive case, and range of the ratio of both sides.
     but : Evidence, optional
         For a statement that holds in part, the inequality that fails. It stands after `` || `` in the row.
 

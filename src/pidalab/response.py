@@ -72,8 +72,8 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record, in which :math:`|e|`
-            is below 1e-6 of its maximum over the last tenth.
+            Upper limit, by default the end of the record. ``math.inf`` requires a settled record, in whose last tenth
+            :math:`|e|` is at most 1e-6 times its maximum.
 
         Returns
         -------
@@ -102,7 +102,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
 
         Returns
         -------
@@ -112,7 +112,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the horizon is beyond the record, or if it is infinite and the record has not settled.
+            As for `ie`.
 
         Examples
         --------
@@ -129,7 +129,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
         origin : float, optional
             Time t_0 at which the weight is zero, not after the start of the record. If the weight begins 1 time unit
             before the record, use ``origin=-1``.
@@ -142,8 +142,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the origin is after 0, the horizon is beyond the record, or it is infinite and the record has not
-            settled.
+            As for `ie`. Also if the origin is after 0.
 
         Examples
         --------
@@ -190,7 +189,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
 
         Returns
         -------
@@ -200,7 +199,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the horizon is beyond the record, or if it is infinite and the record has not settled.
+            As for `ie`.
 
         Examples
         --------
@@ -520,7 +519,7 @@ class Response(Signals):
         return self._settle("peak", extreme, signal, missed)
 
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
-        """Return the time between the first passages of a low and a high share of the final value.
+        """Return the time in which y rises from a low share to a high share of its final value.
 
         If y exceeds a share at t = 0, the share is passed at 0. So the rise time is 0 if a record starts above the high
         share, for example if the set point decreases towards 0.

@@ -159,7 +159,7 @@ def load(
 def least_iae(
     process: Process, order: int, requirements: Requirements, start: Design | None = None
 ) -> Design:
-    """Return the controller with the least IAE for a load step, as `load`, for requirements in a `Requirements`.
+    """Do the same as `load`, with the limits in a `Requirements`.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def least_iae(
 def _best(
     process: Process, order: int, limits: Requirements, searches: list[Search], start_design: Design | None
 ) -> Design | None:
-    """Return the best design over several units of time. If no candidate keeps the limits, approach the limits first.
+    """Return the best design of searches with several units of time and several kinds of starts.
 
     Notes
     -----

@@ -123,7 +123,7 @@ class Peaks:
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the second derivative of the log height by log frequency, for each peak."""
+        """Return the second derivative of log(height) by log(frequency), for each peak."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
@@ -138,7 +138,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the derivative of the log height by log frequency, for each peak."""
+        """Return the derivative of log(height) by log(frequency), for each peak."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
@@ -239,7 +239,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     -----
     The state is the point z in the scaled variables of a descent, and for this point the value (log IAE) and
     `violation`, the sum of all violations. Each step solves the quadratic programme of sequential quadratic programming
-    (Nocedal and Wright, Numerical Optimization, 2006, ch. 18) within a trust region.
+    within a trust region.
 
     * Far from the end, a step is accepted only if it does not raise value + penalty * violation. The penalty is at
       least twice the largest multiplier.

@@ -74,7 +74,7 @@ def turned(f: Any) -> float:
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Add the frequencies, up to `end`, at which a dead time turns the phase by the given angles. Return all sorted."""
+    """Add the frequencies, up to `end`, at which a dead time turns the phase by the given angles. Sort all."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 

@@ -67,7 +67,7 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a grid from four decades below the slowest root to four decades above the fastest, but not beyond `end`.
+    """Return a grid from 1e-4 times the slowest root to 1e4 times the fastest root, but not beyond `end`.
 
     The inverse of the dead time counts as a root. The grid is denser near lightly damped roots.
     """

@@ -230,16 +230,15 @@ def popov(loop: Loop) -> Criterion:
 
     Raises
     ------
-    ValueError
-        If the criterion does not apply to the loop.
-    ArithmeticError
-        If there are too many turns of the phase to follow.
+    ValueError, ArithmeticError
+        As for `circle`.
 
     Notes
     -----
     At each frequency, the expression whose infimum is the margin is linear in θ. So each frequency that was found so
-    far gives a line over θ, and the minimum of these lines is an upper bound of the margin. The next infimum is
-    computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches the bound.
+    far gives a line as a function of θ, and the minimum of these lines is an upper bound of the margin. The next
+    infimum is computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches
+    the bound.
 
     Examples
     --------
@@ -423,7 +422,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:
-    """Return the value at θ = 0 and the slope of Re[1 + (1 + jωθ) G(jω)] as a linear function of θ."""
+    """Return the value at θ = 0 and the slope of the expression Re[1 + (1 + jωθ) G(jω)], which is linear in θ."""
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag

@@ -63,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, smaller \\|L\\|
-        are included. In an unstable loop, the dead time may turn the phase more than about 300,000 times where \\|L\\|
-        is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
+        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, crossovers with
+        smaller \\|L\\| are included. In an unstable loop, the dead time may turn the phase more than about 300,000
+        times where \\|L\\| is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -152,7 +152,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        As for `max_sensitivity`.
 
     Examples
     --------
@@ -288,7 +288,7 @@ def margins(loop: Loop) -> Margins:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        As for `max_sensitivity`.
 
     Examples
     --------

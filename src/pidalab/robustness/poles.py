@@ -47,7 +47,7 @@ def unstable_poles(loop: Loop) -> float:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed.
     ArithmeticError
         If a pole is too close to the stability limit to be counted.
 
@@ -172,9 +172,9 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     Notes
     -----
     With many equal lags, the coefficients of the characteristic polynomial lose digits. If roots of this polynomial do
-    not solve the factored equation, Aberth's method refines them. It may fail for a cluster, for example around the
-    poles of a fast filter. The error bound of a root of a polynomial of order n is then n times the length of the
-    Newton step.
+    not solve the factored equation, Aberth's method refines them. This method may fail for a cluster, for example
+    around the poles of a fast filter. The error bound of a root of a polynomial of order n is then n times the length
+    of the Newton step.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
@@ -211,7 +211,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if only the first `last` poles lie right of a line beyond them, by the argument principle."""
+    """Return True if a line left of the first `last` poles has only these poles on its right (argument principle)."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):

@@ -161,7 +161,7 @@ def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -
 
 
 def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
-    """Return the sizes with which differences are compared, for every `every`-th time: (inputs, 3, times).
+    """Return the sizes with which differences are compared, at each `every`-th time: (inputs, 3, times).
 
     Notes
     -----

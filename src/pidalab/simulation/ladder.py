@@ -131,10 +131,9 @@ def _responses(cut, step, n, intervals, norm):
     Notes
     -----
     The multiple k is the time k * delay, and the interval k is the time from the multiple k to the multiple k + 1. The
-    number states[i, k * size + j] is state variable j at the multiple k, for input i. The number terms[i, m, (k -
-    start) * size + j] is the derivative of order m of this variable, times delta^m / m!. Here `start` is the first
-    multiple in `terms`, and `delta` is the time of the lowest power that advances stacks. The loop over k keeps these
-    invariants:
+    number states[i, k * size + j] is state variable j at the multiple k, for input i. The derivative of order m of this
+    variable, times delta^m / m!, is terms[i, m, (k - start) * size + j]. Here `start` is the first multiple in `terms`,
+    and `delta` is the time of the lowest power that advances stacks. The loop over k keeps these invariants:
 
     * When the pass for k begins, the outputs at all requested times before the multiple k are computed, and `first` is
       the index of the next requested time.
@@ -145,7 +144,7 @@ def _responses(cut, step, n, intervals, norm):
     * Each stack has only the ages that the outputs read from this stack and from the later stacks of the interval.
 
     A run is a number of successive requested times whose outputs are computed at once, as one product of a stack and
-    `rows`. The module `pidalab.simulation.exact` describes the method.
+    `rows`.
     """
     A, B, Cv, D, delay = cut.A, cut.B, cut.Cv, cut.D, cut.delay
     size, inputs = cut.x0.shape

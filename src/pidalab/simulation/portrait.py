@@ -266,7 +266,7 @@ def portrait(
     t : array_like, shape (n,)
         Uniform times that start at 0. Their step is the sample time.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        Inputs that all sets share. A number is a step at t = 0. An array is held from each sample to the next.
+        Inputs that all sets share, as for `simulate`.
     limits : tuple of float, optional
         Smallest and largest control signal. The limits of the controller also apply.
     prefilter : tuple of two sequences of array_like, optional
@@ -285,7 +285,7 @@ def portrait(
     TypeError, ValueError
         If the controller is not a `SeriesPIDA` or the loop has an output filter; if parameters are unknown, not finite,
         out of range or do not broadcast; if the sample time exceeds the time constant of a filter; if a prefilter is
-        unstable; if no control signal within the limits can hold the load and the set point; and as
+        unstable; if no control signal within the limits can hold the load and the set point; and as for
         `simulate_sampled`.
     MemoryError
         If the grid has more than ten million sets.
