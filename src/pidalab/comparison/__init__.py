@@ -1,7 +1,6 @@
 """Compare every rule of the library with the optima on one process.
 
-Each rule gets the kind of model for which its authors made it. This may be the process itself, a first- or second-order
-reduction, a model from three points of its step response, or an integrator with dead time. All designs are evaluated
+Each rule gets the kind of model for which its authors made it (see `pidalab.rules.registry`). All designs are evaluated
 with the process itself.
 """
 
