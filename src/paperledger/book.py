@@ -502,7 +502,7 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     Parameters
     ----------
     folder : path, optional
-        Folder of the csv files. By default ``book/ledger``, searched upward from the current directory.
+        As in `Ledger.open`.
 
     Returns
     -------

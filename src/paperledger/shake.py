@@ -500,9 +500,6 @@ def shake(
 ) -> int:
     """Run all pages of some papers with a changed library, and print which rows change.
 
-    First, pages with rows of the basis *computed* run with an exact library and changed printed numbers. In this run,
-    rows with this basis must not change.
-
     Parameters
     ----------
     shaker : Shaker

@@ -220,8 +220,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     process : Process
         Stable process of any order, with any dead time and any static gain except 0.
     points : int, optional
-        Number of frequencies, at least 3. The models of the paper require 10. With 9 or 11 they differ in the third
-        decimal.
+        Number of frequencies, at least 3. The models of the paper require 10.
 
     Returns
     -------

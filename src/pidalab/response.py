@@ -102,7 +102,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
 
         Returns
         -------
@@ -112,7 +112,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the horizon is beyond the record, or if it is infinite and the record has not settled.
+            As for `ie`.
 
         Examples
         --------
@@ -129,7 +129,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
         origin : float, optional
             Time t_0 at which the weight is zero, not after the start of the record. If the weight begins 1 time unit
             before the record, use ``origin=-1``.
@@ -142,8 +142,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the origin is after 0, the horizon is beyond the record, or it is infinite and the record has not
-            settled.
+            As for `ie`. Also if the origin is after 0.
 
         Examples
         --------
@@ -190,7 +189,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
 
         Returns
         -------
@@ -200,7 +199,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the horizon is beyond the record, or if it is infinite and the record has not settled.
+            As for `ie`.
 
         Examples
         --------

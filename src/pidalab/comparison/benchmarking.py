@@ -152,9 +152,9 @@ class Benchmark:
     name : str
         Name of the rule.
     rows : pandas.DataFrame
-        A row for each plant and terms (``own``, ``loud``, ``quiet``), in units of the plant. It contains the measures,
-        the IAE divided by the least of its kind (``of_kind``) and by the least of all kinds (``of_best``), and the
-        reason of a refusal.
+        A row for each plant and terms, in units of the plant. The terms are ``own`` (as published), ``loud`` and
+        ``quiet`` (at equal terms). A row has the measures, IAE / (least IAE of its kind) as ``of_kind``, IAE / (least
+        IAE of all kinds) as ``of_best``, and the reason of a refusal.
     """
 
     name: str
@@ -342,7 +342,7 @@ class Benchmark:
 
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows at equal terms, with their IAE divided by the least of their kind and by the least of all kinds."""
+    """Return rows at equal terms with the columns ``of_kind`` and ``of_best``, as in `Benchmark`."""
     optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(

@@ -34,10 +34,9 @@ class DigitalController(Parameters):
     and :math:`\varepsilon_{k-1}` is the previous limited signal minus bias and integral. While the control signal is at
     a limit, `anti_windup` determines how the integral is corrected.
 
-    The first call of ``step`` starts without a bump. The control signal is `bias`, and the filters rest. (A controller
-    without integral action starts with its own signal instead.) In manual mode the control signal is the given value,
-    and the integral tracks it. A sample with an invalid signal is skipped, and the control signal keeps its value.
-    ``step`` stores its states in the object. Simulations keep separate states.
+    The first call of ``step`` starts without a bump. (A controller without integral action starts with its own signal
+    instead of `bias`.) In manual mode the control signal is the given value, and the integral tracks it. ``step``
+    stores its states in the object. Simulations keep separate states.
 
     Parameters
     ----------

@@ -304,8 +304,8 @@ def ipdt_least_squares(
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
     The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. It is fitted to the record
-    from 0 to t_1. Of all t_1, the one with the largest gain K is used, since this is cautious for tuning (huba2024,
-    sec. 3.1). The record is not differentiated, so noise has little effect.
+    from 0 to t_1. The t_1 with the largest gain K is used, since this is cautious for tuning (huba2024, sec. 3.1). The
+    record is not differentiated, so noise has little effect.
 
     ============  ===========================
     huba2024      result
@@ -324,9 +324,9 @@ def ipdt_least_squares(
     step : float, optional
         Change of the input, not 0. By default 1.
     rise : float, optional
-        Fraction of the whole change, between 0 and 1. The shortest interval from 0 to t_1 ends where the output was
-        last below this fraction. The fraction must be large compared with the noise. If it is small and the output is
-        steepest at its beginning, the gain may approach that of the tangent.
+        Fraction of the whole change, between 0 and 1. The smallest t_1 is the time at which the output was last below
+        this fraction. The fraction must be large compared with the noise. If it is small and the output is steepest at
+        its beginning, the gain may approach that of `ipdt_tangent`.
 
     Returns
     -------
@@ -341,7 +341,8 @@ def ipdt_least_squares(
 
     Notes
     -----
-    The paper does not print its criterion. The one used here follows the paper's words: least squares, largest gain.
+    The paper does not print its criterion. The criterion used here follows the paper's words: least squares, largest
+    gain.
 
     Examples
     --------

@@ -239,7 +239,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     -----
     The state is the point z in the scaled variables of a descent, and for this point the value (log IAE) and
     `violation`, the sum of all violations. Each step solves the quadratic programme of sequential quadratic programming
-    (Nocedal and Wright, Numerical Optimization, 2006, ch. 18) within a trust region.
+    within a trust region.
 
     * Far from the end, a step is accepted only if it does not raise value + penalty * violation. The penalty is at
       least twice the largest multiplier.

@@ -203,8 +203,7 @@ class Report:
         title : str
             Heading of the page.
         *sections : sequence of (str, str), optional
-            Headings and texts. The first sequence stands before the figure. The second stands after it, folded. By
-            default safety, gains and doubts come first, and model and record last.
+            The two lists of `sections`, which are the default.
 
         Returns
         -------

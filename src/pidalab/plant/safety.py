@@ -145,7 +145,7 @@ def correct_request(
 
 
 def _next(request: float, result: float, limit: float, active: bool) -> float:
-    """Return the next requested Ms. It is unchanged if the limit is met, or if the limit is kept and not active."""
+    """Return the next requested Ms, as the Notes of `correct_request` say."""
     if result <= limit * (1 + STILL_KEPT) and not (active and result < limit * (1 - MET)):
         return request
     factor = (limit * (1 - 0.5 * MET) - 1) / (result - 1)

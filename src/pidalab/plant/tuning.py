@@ -361,7 +361,7 @@ def perturbed_plants(process: Process, share: float) -> list[Process]:
     Returns
     -------
     list of Process
-        All combinations in which each of the three is either lower or higher.
+        All combinations of lower and higher values.
 
     Examples
     --------

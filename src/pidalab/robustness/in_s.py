@@ -191,7 +191,7 @@ def axis_in_s(loop: Loop) -> AxisInS:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed.
     """
     require_well_posed(loop)
     return unit_axis(loop)

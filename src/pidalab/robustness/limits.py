@@ -230,10 +230,8 @@ def popov(loop: Loop) -> Criterion:
 
     Raises
     ------
-    ValueError
-        If the criterion does not apply to the loop.
-    ArithmeticError
-        If there are too many turns of the phase to follow.
+    ValueError, ArithmeticError
+        As for `circle`.
 
     Notes
     -----

@@ -152,7 +152,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        As for `max_sensitivity`.
 
     Examples
     --------
@@ -288,7 +288,7 @@ def margins(loop: Loop) -> Margins:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        As for `max_sensitivity`.
 
     Examples
     --------

@@ -47,7 +47,7 @@ def unstable_poles(loop: Loop) -> float:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed.
     ArithmeticError
         If a pole is too close to the stability limit to be counted.
 

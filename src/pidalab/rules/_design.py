@@ -166,8 +166,7 @@ class Design:
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes. If a form does not exist, its entry says
-            why.
+            As from the controller's method of this name.
 
         Raises
         ------

@@ -157,8 +157,7 @@ def tune(
         one. A `ThreePointModel` is refused if its `excess_gain` is above 0.25, since the loop with the process might be
         unstable.
     ms : float, optional
-        Maximum sensitivity, above 1, of the loop without the output filter. The filter raises it slightly. The default
-        is the paper's.
+        Maximum sensitivity, above 1, of the loop without the output filter. The default is the paper's.
     kind : {"PIDA", "PID", "PI"}, optional
         Type of controller.
     n, m : float, optional

@@ -12,8 +12,7 @@ system is solved in exact fractions, because its condition number grows more tha
 singular if the controller could cancel every pole of process and filter, since the gains are then unbounded.
 
 The conditions concern low frequencies and do not make the loop stable. If the delay dominates or the process
-oscillates, the loop is unstable for some m. The functions here then raise an error if a process is given. From areas
-alone, instability cannot be detected.
+oscillates, the loop is unstable for some m. The functions here then raise an error if a process is given.
 """
 
 from __future__ import annotations

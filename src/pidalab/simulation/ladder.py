@@ -144,7 +144,7 @@ def _responses(cut, step, n, intervals, norm):
     * Each stack has only the ages that the outputs read from this stack and from the later stacks of the interval.
 
     A run is a number of successive requested times whose outputs are computed at once, as one product of a stack and
-    `rows`. The module `pidalab.simulation.exact` describes the method.
+    `rows`.
     """
     A, B, Cv, D, delay = cut.A, cut.B, cut.Cv, cut.D, cut.delay
     size, inputs = cut.x0.shape

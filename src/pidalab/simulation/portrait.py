@@ -266,7 +266,7 @@ def portrait(
     t : array_like, shape (n,)
         Uniform times that start at 0. Their step is the sample time.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        Inputs that all sets share. A number is a step at t = 0. An array is held from each sample to the next.
+        Inputs that all sets share, as for `simulate`.
     limits : tuple of float, optional
         Smallest and largest control signal. The limits of the controller also apply.
     prefilter : tuple of two sequences of array_like, optional

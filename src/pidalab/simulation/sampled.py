@@ -76,7 +76,7 @@ def simulate_sampled(
     t : array_like, shape (n,)
         Uniform times that start at 0. Their step is the sample time h of the controller.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        A number is a step at t = 0. An array is held from each sample to the next.
+        As for `simulate`.
     limits : tuple of float, optional
         Smallest and largest control signal. 0 must lie between them, or be one of them. The limits of a `SeriesPIDA`
         also apply.

@@ -72,7 +72,7 @@ class Record:
     ----------
     u_before : float
     steps : tuple of Step
-        Changes of the input between lasting levels, in the order of time. Empty for a record of a closed loop.
+        Changes of the input between lasting levels, in the order of time. Empty if the input moves all the time.
     experiment : str
         The kind of experiment, in words.
     rest : float
