@@ -77,9 +77,9 @@ def median_time(task: Callable[[], object], repeats: int = 5) -> float:
 
 
 def clocked(task: Callable[[], T], repeats: int = 3) -> tuple[float, float, T]:
-    """Return elapsed time and CPU time (of all threads) of the fastest run, and the result.
+    """Return elapsed time and CPU time (of all threads) of the fastest of several runs, and the result.
 
-    Use it for tasks on all processors. Other processes disturb the fastest of several runs least.
+    Use this function for tasks on all processors. Other processes disturb the fastest run least.
     """
     runs = []
     for _ in range(repeats):

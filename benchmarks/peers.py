@@ -198,7 +198,7 @@ def jitcdde(
     """Return the task of JiTCDDE, compiled, with adaptive Bogacki–Shampine steps and cubic Hermite interpolation.
 
     A step of the set point causes kinks that travel round the loop. The manual of JiTCDDE offers several ways to handle
-    them, of which two are used here. `adjust_diff` corrects the first derivative (over so short a time that nothing
+    them, of which two are used here. `adjust_diff` corrects the first derivative (during so short a time that nothing
     else changes). `step_on_discontinuities` puts a step on the first dead time, up to which y is 0. Without `output`
     only the last value is requested. This saves most of the time with 10,001 points at low accuracy.
     """

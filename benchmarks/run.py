@@ -21,8 +21,8 @@ from studies.optimal_check import BANDS, HIGH, LOW, MEMBERS, MS, PLANTS, Judge
 RESULTS = "speed_comparison"  # name of the table in book/data
 
 
-# The optimal controller is compared with SciPy's differential evolution on the same problem. The latter evaluates
-# controllers with pidalab's responses and poles.
+# The optimal controller is compared with SciPy's differential evolution on the same problem. Differential evolution
+# evaluates controllers with pidalab's responses and poles.
 NAMES = ("lags3", "fopdt_balanced", "ipdt")
 ORDERS = (0, 1, 2)
 EQUAL = 1.01
@@ -54,7 +54,7 @@ def evolution(judge: Judge, goal: float) -> tuple[float, float]:
 
 
 def optima() -> Iterator[dict]:
-    """Yield time and IAE of both methods. The error of the second is the excess of its IAE."""
+    """Yield time and IAE of both methods. The error of differential evolution is the excess of its IAE."""
     for name in NAMES:
         process, mks = PLANTS[name]
         for order in ORDERS:

@@ -7,16 +7,16 @@ The search is a simplex search with the exact simulation. For models of gain 1 a
 * the PID and PIDA controllers for the models of the paper's Fig. 1, the PID also with a nearly ideal derivative;
 * the best pair of factors by IAE, by ITAE and by their sum, which shows the integral to which its Table 1 was fitted.
 
-The script writes the first three to book/data/itae_optima.csv and the last to book/data/itae_factors.csv. Then it
-prints the constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors`. This takes
+The script writes the first three results to book/data/itae_optima.csv and the last to book/data/itae_factors.csv. Then
+it prints the constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors`. This takes
 many hours on one core. If models are given as ``damping,ratio``, it prints only their optima:
 ``python studies/itae_optima.py 1,0.5 0.3,2``.
 
 The stored optima of the fit and the validation were found by the same search with a faster simulation of these loops.
 This simulation agrees with the exact one to 1e-4 (to 2e-3 for seven loads with long tails). Every stored ITAE was
 computed with the exact simulation. Searches with this script for six of the optima agreed with the stored parameters
-within 0.3 %. The constants were fitted in the same way. Those of the factors were fitted to tables of ITAE as a
-function of f_d and f_a. A full run may change last digits.
+within 0.3 %. The constants were fitted in the same way. The constants of the two rules for factors were fitted to
+tables of ITAE as a function of f_d and f_a. A full run may change last digits.
 """
 
 from __future__ import annotations
@@ -204,14 +204,14 @@ def with_gains(gains: np.ndarray) -> pidalab.NonInteractivePIDA:
 
 
 def setpoint_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Evaluate the set-point rule with factors like those of `itae.setpoint_factors`, on one side of damping 0.9."""
+    """Evaluate the set-point rule with other constants in `itae.setpoint_factors`, for dampings on one side of 0.9."""
     log_xi, log_r = np.log(plant)
     pair = constants.reshape(2, 4) @ [1.0, log_r, log_xi, log_r * log_xi]
     return itae.pida_setpoint(unit(plant), factors=tuple(pair))
 
 
 def load_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteractivePIDA:
-    """Evaluate the load rule with factors like those of `itae.load_factors`."""
+    """Evaluate the load rule with other constants in `itae.load_factors`."""
     log_xi, log_r = np.log(plant)
     f_a = constants @ [1.0, log_r, log_xi, log_r * log_xi, log_r**2, log_xi**2]
     return itae.pida_load(unit(plant), factors=(0.0, f_a))
@@ -220,7 +220,7 @@ def load_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteract
 def fit(
     form: Callable, start: Sequence[float], least: dict[Plant, float], kind: str, bound: float
 ) -> np.ndarray:
-    """Return constants with the least mean of log(ITAE / optimum), plus 0.3 times the largest if Ms is bounded."""
+    """Return the constants with the least mean of log(ITAE / optimum), plus 0.3 times its maximum if Ms is bounded."""
     scale = np.abs(start)
 
     def cost(x: np.ndarray) -> float:

@@ -1,9 +1,9 @@
 """Evaluate the rules for second-order models over their range, and write book/data/itae_rules.csv.
 
-Ms is computed on a grid of models. On models with a known optimum, the ITAE divided by the least ITAE, Ms, the
-overshoot in per cent and u(0+) of a set-point step are computed for every rule. The rules and the measures are those of
-book/papers/heo2023.py. The audit of heo2023 computes a tenth of the rows again in each run. The study takes a minute on
-one core::
+Ms is computed on a grid of models. On models with a known optimum, four numbers are computed for every rule: the ITAE
+divided by the least ITAE, Ms, and for a set-point step the overshoot in per cent and u(0+). The rules and the measures
+are those of book/papers/heo2023.py. The audit of heo2023 computes a tenth of the rows again in each run. The study
+takes a minute on one core::
 
     python studies/itae_rules.py
 """

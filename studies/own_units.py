@@ -119,7 +119,7 @@ def resume(
     work: Callable[..., list[dict[str, Any]]],
     workers: int | None = None,
 ) -> None:
-    """Do the tasks that are not in the file yet, on all cores. Write the rows of each task when it is done.
+    """Compute the tasks that are not in the file yet, on all cores. Write the rows of each task when it is done.
 
     The values of the columns `key` identify a task, which begins with them.
     """

@@ -34,7 +34,7 @@ def step_record() -> str:
 
 
 def plant_record(seed: int = 0) -> str:
-    """Return the file of the historian. The valve moves from 40 to 47 % after 37 s. The seed determines the noise."""
+    """Return the file of the historian as text. The valve moves from 40 to 47 % after 37 s. `seed` sets the noise."""
     rng, fine = np.random.default_rng(seed), np.linspace(0.0, 400.0, 8001)
     t = 1000.0 + np.cumsum(rng.uniform(0.6, 1.4, 330))
     t = t[(t < 1150.0) | (t > 1162.0)]

@@ -1,8 +1,8 @@
-"""Tune on step tests of random plants whose shapes no model here has, and evaluate the designs on the plants.
+"""Tune on step tests of random plants whose shapes no model of the library has. Evaluate the designs on the plants.
 
 Four aims were set before the first run. No loop is unstable. The true sampled Ms is at most 2.0 for 97 % of the
-designs, and within the reported worst Ms for 95 %, which is always finite. At most 15 % of the records are refused.
-Refused records do not count for the other aims.
+designs, and at most the reported worst Ms for 95 %. The reported worst Ms is always finite. At most 15 % of the records
+are refused. Refused records do not count for the other aims.
 
 Run ``python studies/strangers.py --seed 1`` from the root of the project. It writes book/data/strangers.csv. It resumes
 where it stopped, and starts again if the seed changes. It takes a quarter of an hour on one core.

@@ -27,7 +27,7 @@ ORDERS = {"PI": 0, "PID": 1, "PIDA": 2}
 PROCESS = pidalab.lags(3, delay=1.0)
 MARKS = re.compile(r"<!-- landing -->.*?<!-- /landing -->", re.DOTALL)
 ALT = (
-    "Two panels over time. Above, the output after a step of the load: the PIDA loop deviates least and returns first, "
+    "Above, the output after a step of the load: the PIDA loop deviates least and returns first, "
     "then PID, then PI. Below, the control signal with measurement noise: PI is smooth, PID and PIDA are noisy."
 )
 

@@ -29,7 +29,7 @@ UNUSED, USED = set(WANTED["unused"].split()), tuple(WANTED["used"])
 
 
 def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Path:
-    """Fetch a package with the client of its registry. Return the file if its hash is right."""
+    """Fetch a package with the client of its registry. Return the file if its hash is right, else exit."""
     name, digest = WANTED[what]
     subprocess.run([*command, name], cwd=folder, check=True, stdout=subprocess.DEVNULL)
     path = next(folder.glob(f"*{suffix}"))
@@ -40,7 +40,7 @@ def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Pa
 
 
 def without_names(module: bytes) -> bytes:
-    """Remove the custom sections of a WebAssembly module. These names for debuggers take a seventh of the file."""
+    """Remove the custom sections of a WebAssembly module. They hold names for debuggers, a seventh of the file."""
     kept, at = [module[:8]], 8
     while at < len(module):
         size, shift, body = 0, 0, at + 1

@@ -1,6 +1,6 @@
 """Write the tasks of the built site as sheets for printing: without answers, with answers, and for the teacher.
 
-A browser prints them. `tasks.html` has space to write, `tasks-answers.html` has the worked answers, and
+A browser prints the sheets. `tasks.html` has space to write, `tasks-answers.html` has the worked answers, and
 `tasks-teacher.html` also has the hints and the replies to known wrong answers.
 """
 

@@ -37,7 +37,7 @@ def texts() -> dict[str, str]:
 
 
 def carried(site: Path) -> list[str]:
-    """List the third-party files. They are in _static of the site, and absent from book/_static or in its vendor."""
+    """List the files in _static of the site that are not in book/_static, and those in book/_static/vendor."""
     own = {path.relative_to(ROOT / "book").as_posix() for path in (ROOT / "book" / "_static").rglob("*")}
     own = {name for name in own if not name.startswith("_static/vendor/")} | {"_static/sections.js"}
     found = (path.relative_to(site).as_posix() for path in (site / "_static").rglob("*") if path.is_file())

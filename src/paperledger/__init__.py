@@ -6,12 +6,17 @@ A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the 
 
     book = Ledger.open("haalman2024")  # in a chapter; its audit adds page="audit/haalman2024"
     book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # returns a table of printed and computed numbers
-    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # decides a statement, whose row contains the relation
+    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # decides a statement; its row contains the relation
     book.close()
 
-A run raises an error in these cases. A value or the evidence of a statement differs from the stored one. A verdict no
-longer follows. Numbers that were declared to disagree begin to agree. An id is unknown, or a row of the page was not
-passed. Verdicts are
+A run raises an error if
+
+* a value or the evidence of a statement differs from the stored one;
+* a verdict no longer follows;
+* numbers that were declared to disagree begin to agree;
+* an id is unknown, or a row of the page was not passed.
+
+Verdicts are
 
 * ``reproduced``, ``last-digit``, ``approximate``, which follow from the two numbers (see `derive`);
 * ``holds``, ``fails``, which follow from the inequality of two computed numbers that decides a statement;

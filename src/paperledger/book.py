@@ -100,12 +100,11 @@ class Ledger:
             Key of the paper, such as ``haalman2024``.
         page : str, optional
             The notebook that opens the ledger, as a path below ``book`` without suffix, such as ``audit/haalman2024``.
-            By default the chapter, which is named after the paper. `close` checks the rows of this page.
+            By default the chapter, which is named after the paper. `close` checks the rows of the given page.
         folder : path, optional
             Folder of the csv files. By default ``book/ledger``, searched upward from the current directory.
         words : mapping of str to str, optional
             The paper's notation for ids or parts of ids, such as ``{"kp": "K_P", "ex1": "Example 1"}``.
-            How the paper writes an id, or a part of one: ``{"kp": "K_P", "ex1": "Example 1"}``.
 
         Returns
         -------
@@ -140,20 +139,20 @@ class Ledger:
         values : mapping
             Numbers nested by the parts of their ids, as ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``, or by whole ids.
         digits : int, optional
-            Number of significant digits. If there are fewer than ten, the note must say why, with the word *digits*.
+            Number of significant digits. If it is below ten, the note of each row must say why, with the word *digits*.
 
         Returns
         -------
         pandas.DataFrame
-            Entries ``printed / computed``, with a row for each group and a column for each last part. The mark ``°``
-            means one unit off in the last place, ``~`` within the tolerance of the note, ``*`` misprint or as read, and
-            ``†`` differs.
+            Entries ``printed / computed``, with a row for each group and a column for each last part. A mark shows the
+            verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read, and ``†`` differs.
 
         Raises
         ------
         LedgerError
-            With a line for every value that is wrong. It may be unknown or not finite, differ from the stored value,
-            give another verdict than the file has, or agree although it was declared not to.
+            With a line for every value that is wrong. A value is wrong if its id is unknown, if it is not finite or
+            differs from the stored value, if it gives another verdict than the stored one, or if it agrees although a
+            disagreement was declared.
 
         Examples
         --------
@@ -216,7 +215,7 @@ class Ledger:
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
             Left and right side for each case. The worst case decides, or the best if the relation says *some*. For a
-            single case, give both sides alone. For an identity, give residuals. ``==`` requires integers.
+            single case, a pair is enough. For an identity, give residuals instead of pairs. ``==`` requires integers.
         digits : int, optional
             As in `compare`.
 
@@ -252,7 +251,7 @@ class Ledger:
         except LedgerError as error:
             self.refused += str(error).splitlines()
             raise
-        if relation.is_identity and kept.verdict == "holds":  # its size depends on the machine
+        if relation.is_identity and kept.verdict == "holds":  # the residual depends on the machine
             return f"holds: largest residual ≤ {relation.right}"
         remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # `claims` lists the cases
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
@@ -353,7 +352,7 @@ class Ledger:
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """End a page: check that every row was passed and none was refused, and print the score.
+        """End a page: check that every row of the page was passed and none was refused, and print the score.
 
         Raises
         ------
@@ -407,13 +406,13 @@ class Ledger:
         return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
     def index(self) -> Display:
-        """List each printed item with the place where the book computes it and the result, in the order of the file.
+        """List each printed item, such as a table, with the place where the book computes it, and the result.
 
         Returns
         -------
         Display
-            A line for each printed item with numbers, and one line for the statements. Items link to the heading that
-            names them.
+            A line for each printed item with numbers, and one line for the statements of each page, in the order of the
+            file. Each line links to the heading that names the item.
 
         Examples
         --------
@@ -463,9 +462,9 @@ class Ledger:
 
 @contextmanager
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
-    """Let ledgers opened in this context store values without comparing them. Yield these ledgers.
+    """Let ledgers that are opened in this context store values without comparing them. Yield the list of these ledgers.
 
-    `printed` returns the printed entry of a row that pages then read.
+    Pages read the printed entry of a row that the function `printed` returns.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
@@ -503,7 +502,7 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     Parameters
     ----------
     folder : path, optional
-        Folder of the csv files. By default ``book/ledger``, searched upward from the current directory.
+        As in `Ledger.open`.
 
     Returns
     -------

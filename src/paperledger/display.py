@@ -130,7 +130,7 @@ def grid(
 
 
 def _entry(cell: Cell, column: str, heading: bool) -> str:
-    """Return a cell as HTML. On a phone a row becomes a block, so a number carries the heading of its column."""
+    """Return a cell as HTML. On a phone a row becomes a block, so a number has the heading of its column as a label."""
     tag, scope = ("th", ' scope="row"') if heading else ("td", "")
     span = f' colspan="{cell.span}"' if cell.span > 1 else ""
     label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
@@ -138,7 +138,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 
 def verdict(row: Row) -> Cell:
-    """Make a cell of a verdict. Add the basis if it is not the paper's problem."""
+    """Make a cell of a verdict, with the basis unless the row is computed from the paper's problem."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, "")
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:
@@ -236,7 +236,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# These words replace verdicts that would mislead in a summary, or are plurals of their first words.
+# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS holds the plurals of first words.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 

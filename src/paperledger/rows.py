@@ -68,7 +68,8 @@ class Row:
     printed : str
         The printed number, digit for digit. For a statement, a short paraphrase.
     computed : str, optional
-        The computed number, or ``holds`` or ``fails``. Empty if settled by reading or not yet computed.
+        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if settled by reading or not yet
+        computed.
     verdict : str, optional
         One of `VERDICTS`, or empty if undecided.
     basis : str, optional

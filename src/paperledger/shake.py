@@ -358,7 +358,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if the computed value of a row equals its own printed number, as the page reads this number."""
+    """Return True if the computed value of a row equals its own printed number, changed as in this run."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -499,9 +499,6 @@ def shake(
     shaker: Shaker, folder: Path | str | None, keys: Sequence[str], prepare: Callable[[], None] | None = None
 ) -> int:
     """Run all pages of some papers with a changed library, and print which rows change.
-
-    First, pages with rows of the basis *computed* run with an exact library and changed printed numbers. In this run,
-    rows with this basis must not change.
 
     Parameters
     ----------

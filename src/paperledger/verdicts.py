@@ -22,7 +22,7 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a share of the printed number
-LONGEST, LARGEST_EXPONENT = 350, 330  # characters of a number, and its power of ten
+LONGEST, LARGEST_EXPONENT = 350, 330  # largest number of characters of a number, and largest power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
 # Numbers that were declared to disagree must not give one of these verdicts.
@@ -83,10 +83,10 @@ def unit(number: Decimal) -> Decimal:
 
 
 def agrees(fresh: str, stored: str) -> bool:
-    """Return True if a new number equals a stored number, to one unit in the last stored place or 1e-9 of it.
+    """Return True if a new number equals a stored one, within a unit in the last stored place or a relative 1e-9.
 
-    A stored number with fewer digits than the new number does not agree, since it would hide a change. A difference of
-    one digit is allowed (9.99... and 10.0... both have ten digits). So are ten decimals of a computed zero.
+    A stored number with fewer digits than the new number does not agree, since it would hide a change. One decimal less
+    is allowed (9.99... and 10.0... both have ten digits). Ten decimals are always enough, for a computed zero.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -299,8 +299,8 @@ class Relation:
         Parameters
         ----------
         text : str
-            Left name, sign and right name. After ``|`` may follow a convention, and then ``some``,
-            ``holds for: ex1; ex2``, or ``fails for: ex3``.
+            Left name, sign and right name. Two entries may follow, each after ``|``: a convention, and one of ``some``,
+            ``holds for: ex1; ex2`` and ``fails for: ex3``.
 
         Returns
         -------
@@ -458,7 +458,7 @@ class Evidence:
     right : str
         The right number with its digits.
     remark : str, optional
-        Number of cases of which this is the worst, and the range of the ratio of both sides.
+        Number of cases, name of the decisive case, and range of the ratio of both sides.
     but : Evidence, optional
         For a statement that holds in part, the inequality that fails. It stands after `` || `` in the row.
 

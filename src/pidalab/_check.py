@@ -119,7 +119,7 @@ def _finite(name: str, values: Array) -> Array:
 
 
 def all_finite(values: Array) -> bool:
-    """Return True if all numbers are finite. Test their sum first, which needs no further array."""
+    """Return True if all numbers are finite. Test their sum first, since this needs no further array."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(np.add.reduce(values, axis=None)) or np.isfinite(values).all())
 

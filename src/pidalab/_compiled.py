@@ -1,9 +1,9 @@
 """Kernels: functions that exist in plain Python and as machine code, which numba compiles and stores.
 
 Importing numba takes longer than most short answers, and compiling takes up to a minute. A process therefore starts
-with the plain forms, which give the same digits within rounding. After it has spent a second in plain forms, it uses
-the compiled code if this is complete. Otherwise it starts another process that compiles in the background. A call with
-large arguments waits for compiled code. Without numba every call is plain.
+with the plain forms, whose results differ only by rounding. After a second in plain forms, the process uses the
+compiled code if the code of all kernels is stored. Otherwise it starts another process that compiles in the background.
+A call with large arguments waits for compiled code. Without numba every call is plain.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. Tests, notebooks and benchmarks do so.
 With ``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored
@@ -33,7 +33,7 @@ PACKAGE = Path(__file__).parent
 KERNELS = PACKAGE / "simulation"  # the folder that contains all kernels
 LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers
 PLAIN_SECONDS = 1.0  # time in plain forms before the first search for compiled code, and between searches
-RETRY_SECONDS = 600.0  # time before a second attempt to compile; each later attempt waits four times longer
+RETRY_SECONDS = 600.0  # time before a second attempt to compile; each later wait is four times as long
 MOST_ATTEMPTS = 6
 
 
@@ -45,7 +45,7 @@ class Kernel:
     function : callable
         Function that numba compiles.
     form : callable
-        Plain form, which is the same function or a version with array operations instead of loops.
+        Plain form: the same function, or a version with array operations instead of loops.
     options : dict
         Options of numba, in addition to those for its cache.
     """
@@ -64,7 +64,7 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The compiled form. Its code is stored in a folder whose name changes with the sources of all kernels."""
+        """The compiled form. Its code is stored in a folder whose name changes if the source of any kernel changes."""
         import numba
 
         config: Any = numba.config

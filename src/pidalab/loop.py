@@ -317,8 +317,8 @@ class Loop:
         p, q = fraction_at(*self.blocks["process"], s, self.process.delay)
         controller, output_filter = (fraction_at(*self.blocks[name], s) for name in BLOCKS[1:3])
         c, d = (first * second for first, second in zip(controller, output_filter, strict=True))
-        # Use the same denominator for all. Otherwise a pole of a block, such as 0 with integral action, would give 0
-        # times infinity.
+        # Use the same denominator for y and u. Otherwise a pole of a block, such as 0 with integral action, would give
+        # 0 times infinity.
         if source == "d":
             y, u = quotient(p * d, back + forward), quotient(-forward, back + forward)
         else:
@@ -335,7 +335,8 @@ class Loop:
         ----------
         frequencies : array_like, optional
             Rising frequencies in rad per time unit, above 0. The default grid reaches a decade beyond the corner
-            frequencies of L on both sides and up to two turns of the dead time. It is dense enough to follow the phase.
+            frequencies of L on both sides, but not beyond the frequency at which the dead time has turned the phase by
+            4π. It is dense enough to follow the phase.
 
         Returns
         -------

@@ -30,7 +30,7 @@ from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
 LINE_POINTS = 4000  # largest number of points of a line; a vector file drops invisible points
-NOISY_POINTS = 400  # the same for a noisy line, of which a vector file would keep nearly all points
+NOISY_POINTS = 400  # the same for a noisy line, since a vector file would keep nearly all its points
 
 
 def use_book_style() -> None:

@@ -61,8 +61,8 @@ def ultimate_frequency(process: Process) -> float:
     Parameters
     ----------
     process : Process
-        Process that is stable or has one integrator. Its static gain must not be 0, and the sign of the gain does not
-        count as phase. Below the ultimate frequency there must be no zero on the imaginary axis, where the phase jumps.
+        Process that is stable or has one integrator. Its static gain must not be 0. A negative gain does not shift the
+        phase here. Below the ultimate frequency there must be no zero on the imaginary axis, where the phase jumps.
 
     Returns
     -------
@@ -220,8 +220,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     process : Process
         Stable process of any order, with any dead time and any static gain except 0.
     points : int, optional
-        Number of frequencies, at least 3. The models of the paper require 10. With 9 or 11 they differ in the third
-        decimal.
+        Number of frequencies, at least 3. The models of the paper require 10.
 
     Returns
     -------

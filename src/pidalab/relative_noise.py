@@ -1,9 +1,10 @@
 r"""Noise gain in units of the plant, which does not depend on the units of y, u and time.
 
 The *noise gain* of a loop is the standard deviation of u divided by that of white measurement noise, which is held for
-a sample time h. Its unit is that of u divided by that of y, and its value depends on h. The plant determines scales for
-both. h is a hundredth of its ultimate period. The *relative noise gain* is the noise gain divided by the ultimate gain
-of the plant. A proportional controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
+a sample time h. Its unit is that of u divided by that of y, and its value depends on h. The plant determines h and a
+unit of the gain. h is a hundredth of its ultimate period. The *relative noise gain* is the noise gain divided by the
+ultimate gain of the plant. A proportional controller with a tenth of the ultimate gain has a relative noise gain near
+0.1.
 """
 
 from __future__ import annotations
@@ -65,8 +66,8 @@ def noise_scale(process: Process) -> NoiseScale:
     Raises
     ------
     TypeError, ValueError
-        If the argument is not a Process, the static gain is 0, or the plant has neither time constant nor dead time, as
-        1/s.
+        If the argument is not a Process, the static gain is 0, or the plant has neither time constant nor dead time,
+        such as 1/s.
 
     Examples
     --------

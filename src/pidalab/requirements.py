@@ -82,7 +82,7 @@ class Requirements:
         return {name: value * (1 - slack) for name, value in limits.items()}
 
     def reached(self, values: dict[str, float], share: float) -> list[str]:
-        """Return the names of the limits that values reach within a share."""
+        """Return the names of the limits that the values reach, with `share` as relative allowance."""
         over = {name: values[name] / limit for name, limit in self.limits().items()}
         return [name for name, x in over.items() if (x <= 1 + share if name == "disk" else x >= 1 - share)]
 

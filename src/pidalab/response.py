@@ -12,7 +12,7 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-# At the end of a record with overshoot, y may differ from its final value by this share of it.
+# At the end of a record with overshoot, y may differ from its final value by this share of the final value.
 ARRIVED_SHARE = 0.1
 
 
@@ -26,10 +26,10 @@ class Response(Signals):
     The samples may be too coarse for a measure. For a response from `simulate`, measures are therefore computed on
     finer grids until they change by less than 2e-4. A warning is given if too many points would be needed. For a record
     with a given `area`, measures of y and e are compared with those from every second sample. A warning is given if the
-    difference exceeds three times 1e-3 of the measure. (It is relative to at least 1 % for overshoot and undershoot,
-    and to the total variation for `tv1`.) There is no such test for records with noise, for records without `area`, and
-    for u of records that were not simulated. For these, a step of a thirtieth of the shortest time constant usually
-    keeps the error below 1e-3.
+    relative difference exceeds 3e-3. (For overshoot and undershoot, the difference is divided by at least 1 %. For
+    `tv1`, it is divided by the total variation.) There is no such test for records with noise, for records without
+    `area`, and for u of records that were not simulated. For these, a step of a thirtieth of the shortest time constant
+    usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -72,8 +72,8 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record, in which :math:`|e|`
-            is below 1e-6 of its maximum over the last tenth.
+            Upper limit, by default the end of the record. ``math.inf`` requires a settled record, in whose last tenth
+            :math:`|e|` is at most 1e-6 times its maximum.
 
         Returns
         -------
@@ -102,7 +102,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
 
         Returns
         -------
@@ -112,7 +112,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the horizon is beyond the record, or if it is infinite and the record has not settled.
+            As for `ie`.
 
         Examples
         --------
@@ -129,7 +129,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
         origin : float, optional
             Time t_0 at which the weight is zero, not after the start of the record. If the weight begins 1 time unit
             before the record, use ``origin=-1``.
@@ -142,8 +142,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the origin is after 0, the horizon is beyond the record, or it is infinite and the record has not
-            settled.
+            As for `ie`. Also if the origin is after 0.
 
         Examples
         --------
@@ -190,7 +189,7 @@ class Response(Signals):
         Parameters
         ----------
         horizon : float, optional
-            Upper limit, by default the end of the record. ``math.inf`` requires a settled record.
+            Upper limit, as for `ie`.
 
         Returns
         -------
@@ -200,7 +199,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the horizon is beyond the record, or if it is infinite and the record has not settled.
+            As for `ie`.
 
         Examples
         --------
@@ -243,10 +242,11 @@ class Response(Signals):
         return self._variation("tv", signal, horizon, final, lambda path: 0.0)
 
     def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
-        r"""Return the excess :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|` over a pulse (huba2024, eq. (24)).
+        r"""Return the total variation in excess of one pulse (huba2024, eq. (24)).
 
-        The excess is zero for a signal with two monotonic intervals, such as an ideal control signal. :math:`x_m` is
-        the extreme that is farthest from the line between start and end.
+        The excess is :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|`. It is zero for a signal
+        with two monotonic intervals, such as an ideal control signal. :math:`x_m` is the extreme that is farthest from
+        the line between start and end.
 
         Parameters
         ----------
@@ -307,7 +307,7 @@ class Response(Signals):
             self._require_bounded(signal, getattr(self, signal))
 
     def _path(self, signal: str, horizon: float | None = None, final: float | None = None) -> Array:
-        """Return the samples of a signal up to a time. The value at rest comes before, the final value after them."""
+        """Return the value at rest, the samples of a signal up to a time, and the final value if it is given."""
         last = [] if final is None else [_check.real("final", final)]
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
         return np.concatenate([[0.0], getattr(self, signal)[within], last])
@@ -415,7 +415,7 @@ class Response(Signals):
         return float(start[where[1]] + self.step * places[where]), float(shares[where])
 
     def undershoot(self, final: float | None = None) -> float:
-        """Return how far y moves away from its final value, in per cent of it. A jump at t = 0 counts.
+        """Return how far y moves away from its final value, in per cent of that value. A jump at t = 0 counts.
 
         Parameters
         ----------
@@ -519,7 +519,7 @@ class Response(Signals):
         return self._settle("peak", extreme, signal, missed)
 
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
-        """Return the time between the first passages of a low and a high share of the final value.
+        """Return the time in which y rises from a low share to a high share of its final value.
 
         If y exceeds a share at t = 0, the share is passed at 0. So the rise time is 0 if a record starts above the high
         share, for example if the set point decreases towards 0.

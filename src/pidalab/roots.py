@@ -158,7 +158,7 @@ def _polished(scaled: Array, values: Any, times: Array, size: Array) -> tuple[An
     """Refine multiple roots by Gauss-Newton steps on the coefficients. Return roots and remaining difference."""
     real, best, least = values.imag == 0, values, _difference(scaled, values, times, size)
     weight = 1 / size[1:]
-    # If its multiplicity is given, a multiple root is well conditioned. Only its single copies scatter.
+    # A multiple root of known multiplicity is well conditioned. Only its separate copies scatter.
     for _ in range(8):
         if least <= SAME_COEFFICIENTS * scaled.size:
             break

@@ -72,7 +72,7 @@ class Signals:
         return response
 
     def _derived(self, finer: Callable[[], Self] | None, **changes: Any) -> Self:
-        """Return a record with changed fields. It keeps what is known about its grid."""
+        """Return a record with changed fields, but the same fastest pole and the same origin of the area."""
         response = replace(self, **changes)
         vars(response).update(_finer=self._finer and finer, _speed=self._speed, _exact=self._exact)
         return response
@@ -116,14 +116,15 @@ class Signals:
         missed : callable, optional
             Function that bounds how much the samples of a record underestimate extremes.
         least : float, optional
-            Smallest size to which a difference is relative.
+            Least number by which a difference is divided.
 
         Notes
         -----
         Grids are compared in succession: every second sample, all samples, and finer grids. If the samples resolve the
         fastest pole, one agreement is enough for integrals, and for extremes with a small bound. Otherwise two
-        agreements are needed, since grids can share the decisive sample. For a time three are needed. If no finer grid
-        is needed, nothing is simulated. If the first finer grid agrees, the value of the record itself is returned.
+        agreements are needed, since grids can share the decisive sample. Measures that are times need three agreements.
+        If no finer grid is needed, nothing is simulated. If the first finer grid agrees, the value of the record itself
+        is returned.
         """
         value = measure(self)
         if self._finer is None and (not self._exact or signal == "u" or self.n.any()):
@@ -255,7 +256,7 @@ class Signals:
         Returns
         -------
         Response
-            The section, without changes at `stop`.
+            The section, without a jump at `stop`.
 
         Raises
         ------
@@ -331,10 +332,10 @@ class Signals:
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
-        """Raise if a signal still grows at the end of the record, since its measure would depend on the length.
+        """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
-        Growth is tested in the last movement. This begins when the signal first moved, and when set point and load last
-        changed (unless they change all the time). A movement of few samples is not tested.
+        Growth is tested in the last movement. It begins when set point or load last changed (unless they change all the
+        time), but not before the signal first moves. A movement of few samples is not tested.
         """
         if not self._grows(signal, 0):
             return

@@ -30,7 +30,7 @@ class StateSpace(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Partial fraction over poles of one speed: x' = A x + b w, y = c x."""
+    """Partial fraction with poles of similar speed: x' = A x + b w, y = c x."""
 
     A: Array  # (n, n)
     b: Array  # (n,)
@@ -184,7 +184,7 @@ class Piece(NamedTuple):
 
 
 def pieces(delay: float, h: float) -> list[Piece]:
-    """Return the one or two pieces of a sample interval. The older input acts during the fractional dead time."""
+    """Return the one or two pieces of a sample interval. In the first of two pieces the older input acts."""
     samples = delay / h
     samples_passed = math.floor(samples + ALIGNED)
     part = h * (samples - samples_passed)
@@ -205,6 +205,6 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # After so long only the static gain of a fast filter remains. This form preserves its digits.
+        # After so long a time only the static gain of a fast filter remains. This form preserves its digits.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

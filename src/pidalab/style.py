@@ -72,7 +72,7 @@ def kind_of(label: str) -> str | None:
 class BookAxes(Axes):
     """Axes in which the label of a line determines its look. The same kind has the same look in the whole figure.
 
-    If the figure has lines of a kind, a label that names no kind gets a free look.
+    If the figure already has lines of some kind, a label that names no kind gets a free look.
     """
 
     name = "rectilinear"

@@ -3,8 +3,9 @@ r"""Measure characteristic areas from a record, for tuning without a model (vran
 The areas are those of `pidalab.areas.from_process`. The paper integrates the record repeatedly, as in earlier work:
 :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here the areas are computed from moments of
 the two signals about the time of the change, up to the time at which the record has settled. Without noise both methods
-give the same areas. Repeated integration runs to the end of the record, where noise has the largest weights. With noise
-of 0.001 in 50 time constants of 1/(s + 1)^4 its error of A_5 is 50 %. The error with moments is 3 %.
+give the same areas. Repeated integration runs to the end of the record, where noise has the largest weights. In a
+record of 1/(s + 1)^4, with 50 time constants and noise of 0.001, the error of A_5 is 50 % with repeated integration and
+3 % with moments.
 """
 
 from __future__ import annotations
@@ -102,15 +103,15 @@ def from_record(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times from 0. A `pidalab.Record` may be given instead, then only `count` is needed besides.
+        Uniform times from 0. A `pidalab.Record` may be given instead, together with `count`.
     u, y : array_like, shape (n,), optional
-        Input, held from each sample to the next, and output. Both must be at rest at the beginning (or see `start`) and
-        again at the end.
+        Input, held from each sample to the next, and output. Both must rest at the beginning (unless `start` is given)
+        and at the end.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
-        Levels (u, y) before the record, for a change that begins with the first sample. By default the input must rest
-        until its first move, and the level of y is its mean until then. A noisy input requires this argument.
+        Levels (u, y) before the record, for a change that begins with the first sample. By default they are the first
+        sample of u, and the mean of y until u first moves. If u is noisy, give this argument.
 
     Returns
     -------
@@ -126,20 +127,20 @@ def from_record(
     Warns
     -----
     RecordWarning
-        If an area is uncertain by more than 5 %, or if the record does not settle and this has an equal effect.
+        If noise, or drift at the end of the record, makes an area uncertain by more than 5 %.
 
     Notes
     -----
-    Only one error of sampling with step h matters. If the slope of the output jumps by y', as with a single lag, the
-    error of A_1 is about h² y'/12.
+    Sampling with step h causes only one error that matters. If the slope of the output jumps by y', as with a single
+    lag, the error of A_1 is about h² y'/12.
 
-    The end of the record counts as a steady state if five decaying exponentials are not found in it. Their time
-    constants are 1/32 to 1/2 of its length. The end is divided into sixteen pieces. An exponential is found if it is
-    present in the means of the pieces by more than 2.5 standard deviations. It is also found if it is present in the
-    means of the squares by more than 5 standard deviations, since squares show decaying oscillations. Noise hides
-    smaller transients, which would make all areas too small. Therefore the steady state starts a tenth later than the
-    time so found. In simulated records of three processes the areas were about as good as with the best fixed time. The
-    levels at the end are means over the steady state, and the integrals end at its start.
+    The end of the record counts as a steady state if none of five decaying exponentials is found in it. Their time
+    constants are 1/32 to 1/2 of its length. The end is divided into sixteen pieces. An exponential is found if its
+    component in the means of the pieces exceeds 2.5 standard deviations. It is also found if its component in the means
+    of the squares, which show decaying oscillations, exceeds 5 standard deviations. Noise hides smaller transients,
+    which would make all areas too small. Therefore the steady state starts a tenth later than the time so found. In
+    simulated records of three processes the areas were about as accurate as with the best fixed time. The levels at the
+    end are means over the steady state, and the integrals end at its start.
 
     Four errors are estimated. The first is noise during the change. The second is noise in the final level, which
     enters :math:`A_k` with the weight :math:`\tau_1^k/k!`. The third is a slow tail hidden in the steady state. Its
@@ -288,7 +289,7 @@ def _moment_covariance(
 ) -> Array:
     """Estimate the covariance of the moments of y from the steady state at the end.
 
-    An error of the moments of u is converted to the error of the moments of y that changes the areas equally.
+    An error of the moments of u is converted to the error of the moments of y that has the same effect on the areas.
     """
     (density, drift), window, size = _noise(y, h), h * (y.size - 1), len(values)
     level = weights[:size, -1]
@@ -321,7 +322,7 @@ def _quantisation(y: Array, end: Array) -> float:
 
 
 def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
-    """Return the errors caused by a slow tail, divided by its height, and its height, divided by the drift it causes.
+    """Return (errors of the moments) / (height of a slow tail), and (height of the tail) / (drift that it causes).
 
     The tail decays like a lag. Its time constant is the standard deviation of the impulse response, which a dead time
     does not affect. The part that is cut off is missing in the integrals, and it lowers the mean that serves as final

@@ -1,7 +1,6 @@
 """Compare every rule of the library with the optima on one process.
 
-Each rule gets the kind of model for which its authors made it. This may be the process itself, a first- or second-order
-reduction, a model from three points of its step response, or an integrator with dead time. All designs are evaluated
+Each rule gets the kind of model for which its authors made it (see `pidalab.rules.registry`). All designs are evaluated
 with the process itself.
 """
 
@@ -21,7 +20,7 @@ from pidalab.rules import Design
 from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
 
-PERIODS = 12.0  # length of the first simulated response, in periods of the plant
+PERIODS = 12.0  # length of the first simulated response, in ultimate periods of the plant
 RELATIVE_NOISE_GAIN = 1.5  # default limit of the relative noise gain
 COMPARISON_COLUMNS = {
     "IAE load": "iae_load",

@@ -70,7 +70,8 @@ def judge(
 ) -> Iterator[dict[str, Any]]:
     """Yield the measures of a design on a plant, in units of the plant.
 
-    The first row is the design as published. Then follows the design at equal terms, with loud noise first.
+    The first row is the design as published. The others are the design at equal terms, first with loud and then with
+    quiet noise.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[di
     """Return a design scaled to the Ms and to each noise of the comparison, loud noise first."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
-        # If the filter is already as short as the sample and the noise is below the lower limit, use this design again.
+        # If the previous design has the shortest filter and its noise is also below this limit, use it again.
         if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
             rows.append(rows[-1] | {"terms": terms})
         else:
@@ -151,9 +152,9 @@ class Benchmark:
     name : str
         Name of the rule.
     rows : pandas.DataFrame
-        A row for each plant and terms (``own``, ``loud``, ``quiet``), in units of the plant. It contains the measures,
-        the IAE divided by the least of its kind (``of_kind``) and by the least of all kinds (``of_best``), and the
-        reason of a refusal.
+        A row for each plant and terms, in units of the plant. The terms are ``own`` (as published), ``loud`` and
+        ``quiet`` (at equal terms). A row has the measures, IAE / (least IAE of its kind) as ``of_kind``, IAE / (least
+        IAE of all kinds) as ``of_best``, and the reason of a refusal.
     """
 
     name: str
@@ -170,8 +171,9 @@ class Benchmark:
         Returns
         -------
         pandas.DataFrame
-            A row for each rule and kind with the number of plants. Further columns are the median of the IAE divided by
-            the least of its kind, the same for the least of all kinds, and the value exceeded on a tenth of the plants.
+            A row for each rule and kind with the number of plants. "of its kind" is the median of IAE / (least IAE of
+            the kind). "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that the
+            second ratio exceeds on a tenth of the plants.
 
         Raises
         ------
@@ -297,7 +299,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw the spread over the plants of every rule of the same kinds, and mark this rule.
+        """Draw how the IAE of each rule of the same kinds varies from plant to plant, and mark this rule.
 
         Parameters
         ----------
@@ -340,7 +342,7 @@ class Benchmark:
 
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows at equal terms, with their IAE divided by the least of their kind and by the least of all kinds."""
+    """Return rows at equal terms with the columns ``of_kind`` and ``of_best``, as in `Benchmark`."""
     optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(
@@ -366,8 +368,8 @@ def benchmark(
     Parameters
     ----------
     rule : callable
-        Function of a `Process`, its model of the plant, that returns a controller or a `Design`. If the rule does not
-        apply, it must raise ValueError. The message is stored.
+        Function that takes a `Process` (its model of the plant) and returns a controller or a `Design`. If the rule
+        does not apply, it must raise ValueError. The message is stored.
     name : str, optional
         Name in tables. By default the name of the function.
     model : str, optional
@@ -377,8 +379,8 @@ def benchmark(
     plants : iterable of str, optional
         Names of plants. By default all 134.
     executor : concurrent.futures.Executor, optional
-        Pool of processes, or executor of a cluster. The rule must be importable there. By default the current process
-        computes, which takes about a minute.
+        Pool of processes, or executor of a cluster, in which the rule must be importable. By default the current
+        process computes, which takes about a minute.
 
     Returns
     -------

@@ -19,7 +19,7 @@ from pidalab.rules import Design
 from pidalab.rules.models import time_scale
 
 LONGEST_FILTER = 1e4  # longest tried filter, in sample times
-LEAST_SCALE = 0.01  # with smaller gains nearly any loop is robust but has no effect
+LEAST_SCALE = 0.01  # smallest factor of the gains; with smaller gains a controller has no effect
 TIME_RTOL = 1e-7  # relative accuracy of the filter time
 DENSITY = 4  # this multiple of the usual number of frequencies gives six digits of the noise
 
@@ -29,10 +29,10 @@ def at_equal_terms(
 ) -> Design:
     r"""Scale the gain and the filter of a design to a given maximum sensitivity and noise gain.
 
-    The ratios of the gains, and so ti, td and ta, remain those of the rule. Its filters are replaced by the filter of
-    the optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, if m is the order of the highest derivative. :math:`T_f` is
-    the shortest filter time that keeps the noise gain within its limit, but at least the sample time. The gain is the
-    largest for which Ms is not exceeded.
+    The ratios of the gains, and so ti, td and ta, do not change. The filters of the rule are replaced by the filter of
+    the optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, where m is the order of the highest derivative. :math:`T_f`
+    is the shortest filter time that keeps the noise gain within its limit, but at least the sample time. The gain is
+    the largest for which Ms is not exceeded.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
-    """Return the shortest filter time that keeps the noise within its limit, by a search over its logarithm."""
+    """Search for the shortest filter time that keeps the noise within its limit. `scaled` takes its logarithm."""
     tried: dict[float, tuple[float, float, HighOrderPID]] = {}
 
     def quiet(log_time: float) -> bool:

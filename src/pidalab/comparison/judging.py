@@ -29,7 +29,7 @@ class DesignRow(NamedTuple):
     ms : float
         Maximum sensitivity.
     mks : float
-        Largest gain from noise to u over all frequencies.
+        Largest gain from noise to u at any frequency.
     noise_gain : float
         Noise gain with sampled white noise.
     tv : float
@@ -45,7 +45,7 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        Largest values within the spread of the model. Ms is that of the digital loop if there is one.
+        IAE with the plant of the spread that has the largest Ms, and this Ms (of the digital loop if there is one).
     price : float
         IAE, divided by the IAE of the design without a limit of the worst Ms.
     ms_sampled : float

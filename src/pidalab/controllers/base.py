@@ -158,12 +158,13 @@ class Controller(Block):
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes. A form that does not exist says why.
+            Ideal, series and parallel form, with times in seconds and minutes. If a form does not exist, its entry says
+            why.
 
         Raises
         ------
         ValueError
-            If the unit is another, or if there are derivatives of order 3 or more.
+            If the unit is unknown, or if there are derivatives of order 3 or more.
 
         Examples
         --------
@@ -190,8 +191,7 @@ class Controller(Block):
         method : {"backward", "tustin", "zoh"}, optional
             As in `pidalab.digital.discretise`.
         output_filter : OutputFilter or control.TransferFunction, optional
-            A filter of the control signal, which must be equal lags of gain 1. It becomes a part of the controller.
-            `Design.discretise` passes the output filter of the design.
+            As in `pidalab.digital.discretise`. `Design.discretise` passes the output filter of the design.
         **options : optional
             As in `pidalab.digital.discretise`, such as set-point weights, limits and anti-windup. The default limits
             are those of the controller. If a controller has derivatives but no proportional action, its default

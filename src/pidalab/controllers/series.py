@@ -21,8 +21,8 @@ class SeriesPIDA(Controller):
 
     .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
 
-    The reset is positive feedback of the limited control signal. Therefore the transfer function holds within limits.
-    `pidalab.simulate_sampled` and `pidalab.portrait` simulate the reset with its limits.
+    The reset is positive feedback of the limited control signal. Therefore the transfer function holds only while the
+    signal is within its limits. `pidalab.simulate_sampled` and `pidalab.portrait` simulate the reset with its limits.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class SeriesPIDA(Controller):
     def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
         """Compute the state of the automatic reset from the limited control signal, eq. (3).
 
-        If an integrating process is at rest, this state is the negative of the load, so it can be used to estimate it.
+        If an integrating process is at rest, this state is the negative of the load, and so estimates the load.
 
         Parameters
         ----------

@@ -31,13 +31,12 @@ class DigitalController(Parameters):
               i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
 
     where p is the sum of the paths and :math:`\varepsilon` the error. With automatic reset, :math:`\varepsilon_k` is p,
-    and :math:`\varepsilon_{k-1}` is the limited signal minus the integral. While the control signal is at a limit,
-    `anti_windup` determines how the integral is corrected.
+    and :math:`\varepsilon_{k-1}` is the previous limited signal minus bias and integral. While the control signal is at
+    a limit, `anti_windup` determines how the integral is corrected.
 
-    The first call of ``step`` starts without a bump. The control signal is `bias`, and the filters rest. (A controller
-    without integral action starts with its own signal instead.) In manual mode the control signal is the given value,
-    and the integral tracks it. A sample with an invalid signal is skipped, and the control signal keeps its value.
-    ``step`` stores its states in the object. Simulations keep separate states.
+    The first call of ``step`` starts without a bump. (A controller without integral action starts with its own signal
+    instead of `bias`.) In manual mode the control signal is the given value, and the integral tracks it. ``step``
+    stores its states in the object. Simulations keep separate states.
 
     Parameters
     ----------
@@ -54,8 +53,7 @@ class DigitalController(Parameters):
     growth : tuple of float
         :math:`\gamma_0, \gamma_1`.
     back_calculation_gain, tracking_gain : float
-        Shares that are added to the integral: of the part that a limit cut off, and of the difference between a tracked
-        signal and the control signal.
+        Gains from (limited - unlimited control signal), and from (tracked - control signal), to the integral.
     anti_windup : str or None
         Treatment of the integral while the control signal is at a limit.
     weights : tuple of float
@@ -65,7 +63,7 @@ class DigitalController(Parameters):
     rate_limit : float
         Largest change of the control signal in a unit of time.
     deadband, bias, y_offset : float
-        Largest error that counts as zero, and control signal and measurement at the working point.
+        Largest error that counts as zero; control signal at the working point; measurement at the working point.
     source : str
         The continuous controller, as text.
     prefilter : Prefilter or None
@@ -115,14 +113,14 @@ class DigitalController(Parameters):
                                     (PART_1_NEW_2 in the second one, if lags differ)
         PART_1_GAIN_k               gain on the k-th difference of that path
         INTEGRAL_NEW, INTEGRAL_OLD  growth of the integral with the present and the previous error
-        BACK_CALCULATION_GAIN       share of the part that a limit cut off, which is added to the integral
-        TRACKING_GAIN               share of a tracked signal's difference from u, which is added to the integral
+        BACK_CALCULATION_GAIN       gain from (limited - unlimited control signal) to the integral
+        TRACKING_GAIN               gain from (tracked signal - u) to the integral
         BIAS, Y_OFFSET              working point
         LOWEST, HIGHEST             limits of the control signal
         LARGEST_CHANGE              largest change of the control signal from one sample to the next
         DEADBAND                    largest error that counts as zero
-        PREFILTER_MOVE_i_j          change of prefilter state i in a sample, divided by the distance of state j from r
-        PREFILTER_OUT_i             gain from the distance of state i from the set point to the filtered set point
+        PREFILTER_MOVE_i_j          gain from (state j - r) to the change of prefilter state i in a sample
+        PREFILTER_OUT_i             gain from (state i - r) to the filtered set point
         LARGEST_SIGNAL              size of an input above which the sample is skipped
         LARGEST_GAIN                size of a variable gain above which the sample is skipped
         ==========================  ==============================================================================
@@ -163,7 +161,7 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart at the next measurement, or at rest with the given signals.
+        """Restart from rest, at the given signals or at those of the next call of ``step``.
 
         Parameters
         ----------

@@ -54,8 +54,8 @@ def discretise(
     ==================  ==============================================================================================
     reset               For a `SeriesPIDA` with b = c = 1, the integral is the limited signal, filtered by a lag of time
                         constant :math:`t_i` (huba2024, Fig. 1, eqs. (3), (8)). For other controllers,
-                        back-calculation is used with the integral time as tracking time. (For backward differences and
-                        b = 1 this filters the limited signal minus its derivative parts by the same lag.)
+                        back-calculation is used with the integral time as tracking time. (With backward differences and
+                        b = 1, the integral then is (limited signal - derivative parts), filtered by the same lag.)
     back-calculation    The share :math:`h/(T_t + h)` of the part cut off is taken back from the integral. :math:`T_t`
                         is the tracking time.
     clamping            The integral grows up to the limit, and keeps its value while it would drive the signal beyond.
@@ -64,8 +64,8 @@ def discretise(
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
     without proportional action. It also suits loops in which u stays at a limit for long and must leave the limit late.
-    *back-calculation* with a short `tracking_time` leaves a limit early. With each of the three the controller always
-    leaves the limit. Use None only for actuators without limits.
+    *back-calculation* with a short `tracking_time` leaves a limit early. With each of these three words the controller
+    always leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------
@@ -85,8 +85,9 @@ def discretise(
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional
         As in the table. "none" means None. (A further word, "conditioning", exists in `pidalab.simulate_sampled` only.)
     tracking_time : float, optional
-        For back-calculation, above 0. By default the geometric mean of integral and derivative time, or the integral
-        time if there is no derivative. For integral action alone it is 0, so the integral stays at the limit.
+        Tracking time of back-calculation, above 0. By default it is the geometric mean of integral and derivative time,
+        or the integral time if there is no derivative. For integral action alone it is 0, so the integral stays at the
+        limit.
     deadband : float, optional
         Errors up to this size count as zero, and larger errors are reduced by it. At least 0, in units of y.
     bias : float, optional
@@ -99,7 +100,8 @@ def discretise(
     output_filter : OutputFilter or control.TransferFunction, optional
         A filter of the control signal, which must be equal lags of gain 1. It becomes a part of the controller.
     feedforward : bool, optional
-        True if ``step`` and the written code shall have another input, which is added before the limits.
+        True if ``step`` and the written code have a further input that is added to the control signal before the
+        limits.
     tunable : bool, optional
         True if the gains may change without a bump while the controller runs. They are then variables in the written
         code. In Python, ``retune`` changes them.

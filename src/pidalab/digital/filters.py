@@ -10,10 +10,10 @@ along a chain of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference of the last states. Lags with different time constants also form one chain. An example
-is a filtered derivative in series with an output filter. A derivative then also needs gains on lower differences.
-All this applies to the methods *backward* and *tustin*, which substitute an expression for s. The method *zoh* is exact
-for a held input. It uses the same differences with other gains.
+which is the j-th difference that ends at the last state. Lags with different time constants, as of a filtered
+derivative in series with an output filter, also form one chain. A derivative then also needs gains on lower
+differences. These formulas apply to the methods *backward* and *tustin*, which substitute an expression for s. The
+method *zoh* is exact for a held input. It uses the same differences with other gains.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            increment of the integral of e in a sample
@@ -73,7 +73,8 @@ class FilterChain(NamedTuple):
     new, old : tuple of float
         g_0 and g_1 of each lag.
     gains : tuple of float
-        Gain on the last state, then gains on the differences of order 1 to n that end at the last state, for n lags.
+        For n lags: the gain on the last state, then the gains on the differences of order 1 to n that end at this
+        state.
     """
 
     name: str
@@ -107,7 +108,7 @@ class FilterChain(NamedTuple):
         """Return numerator and denominator in descending powers of z."""
         poles = [np.array([1.0, new + old - 1.0]) for new, old in zip(self.new, self.old, strict=True)]
         lags = [np.array([new, old]) for new, old in zip(self.new, self.old, strict=True)]
-        # Compute the numerators of the states over the common denominator, then those of their differences.
+        # Compute the numerators of the states for a common denominator, and then the numerators of their differences.
         level: list[Any] = [_product([*lags[:j], *poles[j:]]) for j in range(self.order + 1)]
         num: Any = np.zeros(1)
         for gain in self.gains:
@@ -136,7 +137,7 @@ def filter_chains(
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
     for part in parts:
         _require_useful(f"filter of the {part.name} part", part.filter_time, part.filter_order, h, method)
-        # Sort the lags with the fastest first. All terms of the sums in `_on_differences` then have the same sign.
+        # Sort the lags with the fastest first, so that all terms of the sums in `_on_differences` have the same sign.
         lags = tuple(sorted([part.filter_time] * part.filter_order + [behind[0]] * behind[1]))
         for suffix, weight, gains in _by_weight(part, bool(lags), b, c):
             name, before = summed_gains.get((weight, lags), (part.name + suffix, 0.0))
@@ -221,8 +222,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     r"""Convert gains on a continuous chain with a held input to equivalent gains on differences of discrete lags.
 
     At the samples both chains have the poles :math:`p_i = e^{-h/T_i}`. The states of the continuous chain are a matrix
-    T times the states of the discrete chain. Each column of T is the preceding column, advanced by one sample, minus
-    the preceding column times its pole.
+    T times the states of the discrete chain. With the transition matrix A for one sample, column i + 1 of T is
+    proportional to :math:`(A - p_i)` times column i.
 
     Parameters
     ----------

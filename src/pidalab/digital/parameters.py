@@ -18,7 +18,7 @@ LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
 LARGEST_PARAMETER = 1e9  # largest gain that may change while the controller runs
 LARGEST_CONSTANT = 1e15  # with signals up to 1e9, larger constants could overflow in single precision
 MOST_PATHS, MOST_PATH_LAGS = 40, 40  # with more paths, or more lags in a path, the code would be unreadable
-MOST_CODE_LAGS = 160  # in all paths together, since the code of a path grows with the square of its lags
+MOST_CODE_LAGS = 160  # lags in all paths together; the code of a path grows with the square of its lags
 SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 by this rounding error
 
 
@@ -26,8 +26,8 @@ SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 b
 class Parameters:
     """Fields of a `DigitalController`, which documents them.
 
-    Every field is checked. Numbers must be finite and within their ranges, words must be among those allowed, and names
-    of paths must be plain identifiers. So no other text reaches code that is written or run.
+    Every field is checked. Numbers must be finite and within their ranges, words must be among the allowed ones, and
+    names of paths must be plain identifiers. So only checked text reaches code that is written or run.
     """
 
     sample_time: float
@@ -155,7 +155,7 @@ def _prefilter(k: Parameters) -> Prefilter:
         raise ValueError(f"prefilter must have at most {MOST_PATH_LAGS} poles, found {den.size - 1}")
     true = discrete_prefilter(num, den, k.sample_time, k.method)
     if true is None:
-        raise ValueError("prefilter must be None where it is 1")
+        raise ValueError("prefilter must be None if it is only a gain of 1")
     return true
 
 

@@ -1,8 +1,8 @@
 """The step of a digital controller as a list of statements for its actions and options.
 
-This description is the only one of the step. It is written as code in several languages, run as Python by ``step``, and
-compiled for simulations (`pidalab.simulation.operations`). Its order is: check the inputs, then prefilter, deadband,
-filter chains, tracking, integral, limits of rate and range, and anti-windup.
+The step has no other description. The statements are written as code in several languages, run as Python by ``step``,
+and compiled for simulations (`pidalab.simulation.operations`). Their order is: checks of the inputs, prefilter,
+deadband, filter chains, tracking, integral, limits of rate and range, anti-windup.
 
 The step is defined for any input. The control signal is always a number within the limits. A sample with an input that
 is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped. States and control signal then keep their values, and `fault` is
@@ -219,7 +219,7 @@ def _error(named: dict[str, float], compares: bool) -> list[Statement]:
 
 
 def _tracking(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements that take over a signal that has acted on the plant instead of the control signal."""
+    """Return the statements for tracking of a signal that has acted on the plant instead of the control signal."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))

@@ -23,7 +23,8 @@ MOST_ENDS = 400  # largest number of intervals of a record to which a ramp is fi
 # A record has settled if the mean changes by less than this share between its last two tenths.
 STILL_MOVING = 0.01
 NOISY = 0.01  # with more noise, relative to the whole change, single samples mislead
-# If the gain of the record exceeds that of the model by more, the loop with the process has a clearly larger Ms.
+# If the gain of the record exceeds that of the model by a larger share, the loop with the process has a clearly larger
+# Ms.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -241,7 +242,7 @@ def ipdt_tangent(
         raise ValueError(f"span must be shorter than the record ({t[-1]:g}), found {span:g}")
     lever = np.arange(width + 1) - width / 2
     slopes = np.correlate(y, lever) / (h * np.sum(lever**2))
-    # Take the slope in the direction of the change, since the record may first move the other way.
+    # Take the steepest slope in the direction of the change, since the record may first move the other way.
     i = int(np.argmax(slopes * np.sign(change)))
     middle, level = t[i] + h * width / 2, np.mean(y[i : i + width + 1])
     delay = middle - (level - y[0]) / slopes[i]
@@ -303,8 +304,8 @@ def ipdt_least_squares(
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
     The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. It is fitted to the record
-    from 0 to t_1. Of all t_1, the one with the largest gain K is used, since this is cautious for tuning (huba2024,
-    sec. 3.1). The record is not differentiated, so noise has little effect.
+    from 0 to t_1. The t_1 with the largest gain K is used, since this is cautious for tuning (huba2024, sec. 3.1). The
+    record is not differentiated, so noise has little effect.
 
     ============  ===========================
     huba2024      result
@@ -323,9 +324,9 @@ def ipdt_least_squares(
     step : float, optional
         Change of the input, not 0. By default 1.
     rise : float, optional
-        Fraction of the whole change, between 0 and 1. The shortest interval from 0 to t_1 ends where the output was
-        last below this fraction. The fraction must be large compared with the noise. If it is small and the output is
-        steepest at its beginning, the gain may approach that of the tangent.
+        Fraction of the whole change, between 0 and 1. The smallest t_1 is the time at which the output was last below
+        this fraction. The fraction must be large compared with the noise. If it is small and the output is steepest at
+        its beginning, the gain may approach that of `ipdt_tangent`.
 
     Returns
     -------
@@ -340,7 +341,8 @@ def ipdt_least_squares(
 
     Notes
     -----
-    The paper does not print its criterion. The one used here follows the paper's words: least squares, largest gain.
+    The paper does not print its criterion. The criterion used here follows the paper's words: least squares, largest
+    gain.
 
     Examples
     --------
@@ -372,7 +374,7 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     Notes
     -----
     If the ramp starts between two samples, the sums over the later samples do not depend on its start. The best start
-    and slope are therefore those of a regression line, with the start clipped to the interval. The best result of all
+    and slope are therefore given by a regression line, with the start clipped to the interval. The best result of all
     intervals and their ends is returned.
     """
     # Each entry is the sum over the samples from the i-th on.
@@ -428,11 +430,11 @@ def _rise_time(t: Array, y: Array) -> float:
     """Return the time from a tenth to nine tenths of the whole change of a record."""
     share = (y - y[0]) / (np.mean(y[-max(1, y.size // 10) :]) - y[0])
     before, after = np.flatnonzero(share < 0.1), np.flatnonzero(share > 0.9)
-    return float(t[after[0]] - t[before[before < after[0]][-1]])  # at least one sample reaches a mean
+    return float(t[after[0]] - t[before[before < after[0]][-1]])  # some sample reaches the mean
 
 
 def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:
-    """Return the largest relative excess of a unit-step record's gain over that of its model, up to a frequency.
+    """Return the largest value of |record| / |model| - 1 at frequencies up to `highest`, for the record of a unit step.
 
     The record is taken as linear between its samples. Therefore its frequency response, the integral of y' e^{-jωt}, is
     a finite sum.

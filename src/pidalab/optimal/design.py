@@ -52,8 +52,8 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # values of local optima up to VALLEY_REACH times the least value, which comes first, in units of time of the
-    # problem
+    # IAE of local optima in units of time of the problem: the least value, then values up to VALLEY_REACH times the
+    # least
     valleys: tuple[float, ...]
 
 
@@ -159,7 +159,7 @@ def load(
 def least_iae(
     process: Process, order: int, requirements: Requirements, start: Design | None = None
 ) -> Design:
-    """Return the controller with the least IAE for a load step, as `load`, for requirements in a `Requirements`.
+    """Do the same as `load`, with the limits in a `Requirements`.
 
     Parameters
     ----------
@@ -216,14 +216,14 @@ def least_iae(
 def _best(
     process: Process, order: int, limits: Requirements, searches: list[Search], start_design: Design | None
 ) -> Design | None:
-    """Return the best design over several units of time. If no candidate keeps the limits, approach the limits first.
+    """Return the best design of searches with several units of time and several kinds of starts.
 
     Notes
     -----
     The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that approach the
     limits. Each kind is tried with increasing units of time, until the IAE of the search agrees with the simulated IAE
-    to `SAME_IAE`. `best` is the best design so far. The family is considered only after a search without the family,
-    since its limits are rarely reached.
+    to `SAME_IAE`. `best` is the best design so far. The family is considered only after a search without it, since the
+    limit of the family is rarely active.
     """
     import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits

@@ -53,7 +53,8 @@ SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the st
 # The trust region has a largest and a least radius. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
-# Each peak has a kind (see `Peaks`). Smaller kinds are peaks of the process, the others are peaks of other plants.
+# Each peak has a kind, a number (see `Peaks`). Kinds below NOMINAL are peaks of the process, the others of other
+# plants.
 NOMINAL = len(PEAKS)
 
 
@@ -122,7 +123,7 @@ class Peaks:
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the second derivative of the log height by log frequency, for each peak."""
+        """Return the second derivative of log(height) by log(frequency), for each peak."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
@@ -137,7 +138,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the derivative of the log height by log frequency, for each peak."""
+        """Return the derivative of log(height) by log(frequency), for each peak."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
@@ -216,7 +217,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian. Peaks are refined for each point of the differences."""
+        """Return the second derivatives of the Lagrangian. Peaks are refined at each point of the differences."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -238,7 +239,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     -----
     The state is the point z in the scaled variables of a descent, and for this point the value (log IAE) and
     `violation`, the sum of all violations. Each step solves the quadratic programme of sequential quadratic programming
-    (Nocedal and Wright, Numerical Optimization, 2006, ch. 18) within a trust region.
+    within a trust region.
 
     * Far from the end, a step is accepted only if it does not raise value + penalty * violation. The penalty is at
       least twice the largest multiplier.
@@ -246,8 +247,8 @@ def polish(search: Search, x: Array) -> Polished | None:
       accepted, and the iteration ends when a step is shorter than `LAST_STEP`.
     * Second derivatives are computed again (`stale`) after a step longer than `SMALL_STEP` or than a tenth of the
       preceding step.
-    * Second derivatives are computed from the coarse response, until a step is longer than 0.3 times the preceding
-      step. From then on the fine response is used.
+    * Second derivatives are computed from the response with few samples (`search.iae`), until a step is longer than 0.3
+      times the preceding step. From then on the response with many samples (`search.fine`) is used.
     """
     lagrangian = Lagrangian(search, x)
     z = np.clip(lagrangian.scaled(x), lagrangian.low, lagrangian.high)
@@ -340,8 +341,8 @@ def solve_qp(
 ) -> tuple[Array, Array] | None:
     """Return the step that minimises a quadratic function, and the multipliers of the limits.
 
-    The step satisfies rows @ step >= -slack, and no element exceeds `trust`. The problem is solved as a least-distance
-    programme [LaH95]_. Return None if it has no solution.
+    The step satisfies rows @ step >= -slack, and no element of the step exceeds `trust` in size. The problem is solved
+    as a least-distance programme [LaH95]_. Return None if it has no solution.
     """
     from scipy.optimize import nnls
 

@@ -8,8 +8,8 @@ filter time. With :math:`C = c/q`, where q is the filter, closed forms exist at 
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
 with exact dead time. A second transform gives the whole gradient. The IAE is the exact integral of the error, plus
-twice the area of the error with the opposite sign. This area is computed with straight lines between samples. Its slope
-is continuous, so that Newton's method can converge to the minimum.
+twice the area of the error with the opposite sign. This area is computed with straight lines between samples. The slope
+of this area is continuous, so that Newton's method can converge to the minimum.
 
 The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
 is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by c + p,
@@ -59,7 +59,7 @@ def numerator(kind: int, controller: Any, L: Any) -> Any:
 
 
 def weights(kind: int, L: Any) -> tuple[Any, Any]:
-    """Return the weights a and b of changes of ln C and ln P, from the table above."""
+    """Return the weights a and b of changes of ln C and ln P (see the table at the top of this module)."""
     if kind == INVERSE_DISK:
         both = -2 * L / (1 - L * L)
         return both, both
@@ -74,7 +74,7 @@ def turned(f: Any) -> float:
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Add the frequencies, up to `end`, at which a dead time turns the phase by the given angles. Return all sorted."""
+    """Add the frequencies, up to `end`, at which a dead time turns the phase by the given angles. Sort all."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -242,7 +242,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
 
 
 class CachedValueAndSlope:
-    """Cache for a function that returns a value and a function of its slope. The last point is cached."""
+    """Cache of the last point, for a function that returns a value and a function that returns its slope."""
 
     def __init__(self, both: Any) -> None:
         self.both, self.place = both, b""
@@ -262,7 +262,7 @@ class CachedValueAndSlope:
 
 
 class Scaled:
-    """Scaling of the unknowns: the logarithm of the integral gain, and other gains divided by about their starts."""
+    """Scaling of the unknowns: the logarithm of the integral gain, and the other gains divided by scale factors."""
 
     def __init__(self, start: Array, gains: int) -> None:
         self.unit = np.ones(start.size)
@@ -430,13 +430,14 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # The unit of time is the inverse of the frequency at which the phase of the process is CORNER. With several integrators
 # it is the frequency at which the phase is below that of the integrators by INTEGRATORS_TURN.
 CORNER, INTEGRATORS_TURN = -0.75 * math.pi, 0.25 * math.pi
-# A limit on noise determines the unit only if its frequency is lower by more than this factor.
+# A limit on noise determines the unit only if the frequency of `_loudest` is lower than this frequency by more than the
+# factor NOISE_SLOWDOWN.
 NOISE_SLOWDOWN = 8.0
 QUIET_SHARE = 0.1  # proportional gain divided by the noise limit, if nothing else determines the unit
 
 
 def unit_of_time(process: Process, limits: Requirements) -> float:
-    """Return a unit of time in which the numbers of a loop around the process, limited by robustness, are near 1."""
+    """Return a unit of time in which the gains and times of a robust loop around the process are near 1."""
     poles = roots(process.den)
     integrators = int(np.sum(poles == 0))
     speeds = np.abs(np.concatenate([poles, roots(process.num)]))
@@ -456,7 +457,7 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
 
 
 def _loudest(process: Process, limits: Requirements, w: Array) -> float:
-    """Return the frequency up to which a limit on noise permits control, which needs |C S| near 1/|P|."""
+    """Return the frequency up to which limits on noise permit control. Control needs |C S| near 1/|P|."""
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)
     if limits.mks is not None:

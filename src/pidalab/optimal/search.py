@@ -271,7 +271,7 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 def approached(search: Search) -> list[Array]:
     """Return a start that keeps all limits, found from candidates that violate limits.
 
-    Store the controller that is nearest to the limits in the search.
+    Store in `search.nearest` the controller that is nearest to the limits.
     """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):

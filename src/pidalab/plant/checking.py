@@ -27,14 +27,15 @@ from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
 from pidalab.simulation.exact import simulate
 
-SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}  # Ms, noise gain times
+# Largest Ms, and noise gain as a multiple of the present one.
+SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
 PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
 CLEARER = 0.8  # a load is real if it reduces the residuals to this ratio or less
 CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output must move
 COLOURED = 3.0  # if more samples share one error, the residuals are not white noise
-EXPLAINED = 0.8  # the controller of the log explains at least this share of the movement of u
-MOST_STEPPED = 5000  # number of samples over which the controller is run
-FED_BACK = 0.05  # largest share of slow disturbances in the variance of u without a doubt
+EXPLAINED = 0.8  # a doubt is given if the controller explains less than this share of the movement of u
+MOST_STEPPED = 5000  # the controller is run for at most this number of samples
+FED_BACK = 0.05  # a doubt is given if slow disturbances cause at least this share of the variance of u
 CHECK_COLUMNS = {
     "IAE load": "iae_load",
     "Ms": "ms_sampled",
@@ -102,10 +103,10 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step in %, compared with the best gains of this kind with the same Ms and noise.
+        """Excess of the IAE of a load step, in %, over the best gains of the same kind, Ms and noise gain.
 
-        Below 0 if the search found no gains that are as good. (The search uses no filter faster than the sample.) nan
-        if there is nothing to compare with.
+        Below 0 if the running gains are better than those that the search found. (The search uses no filter faster than
+        the sample.) nan if there are no other gains.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -237,10 +238,10 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
 
     Notes
     -----
-    The controller is run with the logged output. Between samples, its signal and u change differently only through the
-    set point, which is constant between steps. Therefore the running median is subtracted from both changes, and their
-    remaining difference must be small. Samples with u at its largest or smallest value may be clipped, and are left
-    out. A log may store the u of the previous sample, so both alignments are tried.
+    The controller is run with the logged output. The set point is unknown. While it is constant, it only adds a
+    constant to the changes of the signal from sample to sample. Subtracting the running median removes this constant.
+    What remains of the changes of the signal and of u must agree. Samples with u at its largest or smallest value may
+    be clipped, and are left out. A log may store the u of the previous sample, so both alignments are tried.
     """
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())

@@ -44,7 +44,7 @@ DOUBTS = {
     "price": "price of robustness: {price:.2f} times the IAE of the design for the model alone, since the model is "
     "uncertain; {remedy}",
     "long sample": "the sample time of {sample_time:g} is long for this loop: at the crossover the phase turns by "
-    "{turn:.2g} rad in a sample; {better:.2g} or less would be better",
+    "{turn:.2g} rad in a sample; a sample time of {better:.2g} or less would be better",
     "filter lost": "the controller has a filter of {filter_time:.3g}, faster than the sample time of {sample_time:g}: "
     "the code hardly filters the noise",
     "no limits": "{options} not given: the code does not know the limits of the actuator, and may wind up",

@@ -196,7 +196,7 @@ class Lab:
         return Response(t=t, r=r, d=d, n=np.zeros(t.size), y=y, u=u)
 
     def _run(self, t: Array, heater: Callable[[int, float], float], load: Array) -> tuple[Array, Array]:
-        """Read the temperature at each time, and set both heaters. The function `heater` computes the first power."""
+        """Read the temperature at each time, and set both heaters. `heater` computes the power of heater 1."""
         u, y = np.empty(t.size), np.empty(t.size)
         start = self._labtime.time() if self.connected else self._now
         for k, moment in enumerate(t):

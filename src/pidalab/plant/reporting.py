@@ -73,7 +73,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the record, the model and the designs. Those of designs name the kinds concerned."""
+        """Reservations about the record, the model and the designs. A reservation about designs names their kinds."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
@@ -203,8 +203,7 @@ class Report:
         title : str
             Heading of the page.
         *sections : sequence of (str, str), optional
-            Headings and texts. The first sequence stands before the figure, the second one is folded after it. By
-            default safety, gains and doubts come first, and model and record last.
+            The two lists of `sections`, which are the default.
 
         Returns
         -------

@@ -24,17 +24,17 @@ PRICE_LIMIT = 3.0  # largest accepted price of robustness, as defined at `make_s
 MET = 1e-3  # a limit is met if the result is at most this share below it
 STILL_KEPT = 1e-6  # a limit is kept if the result exceeds it by at most this share
 MOST_CORRECTIONS = 20  # largest number of corrections of the requested Ms
-LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # least and largest factor of the requested Ms - 1 in one correction
+LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # least and largest factor of (requested Ms - 1) in one correction
 
-# Function of the requirements and of a design to start the search from. It returns a design that keeps the requirements
-# and the names of the active limits.
+# Function of the requirements and of a design to start the search from. It returns two things: a design that keeps the
+# requirements, and the names of the active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
 
 class LoopMs(NamedTuple):
     """Maximum sensitivity Ms of a loop, which is infinite if the loop is unstable.
 
-    If the sampled loop has no Ms, `ms` is that of the continuous loop, and `reason` says why.
+    If the sampled loop has no Ms, `ms` belongs to the continuous loop, and `reason` says why.
     """
 
     ms: float
@@ -103,7 +103,7 @@ def correct_request(
     make : callable
         Function that makes a design for some requirements.
     sizes : callable
-        Function that returns, for a design, Ms with the model and the largest Ms over the family.
+        Function that returns Ms of a design with the model, and its largest Ms with the family.
     limits : Requirements
         Limits of the real loop.
     start : Design, optional
@@ -122,8 +122,8 @@ def correct_request(
     Notes
     -----
     The request is corrected if the real loop exceeds a limit, or if an active limit is not met. A correction multiplies
-    the requested Ms - 1 by (limit - 1)/(result - 1), and by no less than 0.5 and no more than 2. The iteration ends
-    when the request no longer changes.
+    (requested Ms - 1) by (limit - 1)/(result - 1), clipped to the range 0.5 to 2. The iteration ends when the request
+    no longer changes.
     """
     request, kept, design = limits, None, start
     for _ in range(MOST_CORRECTIONS):
@@ -145,7 +145,7 @@ def correct_request(
 
 
 def _next(request: float, result: float, limit: float, active: bool) -> float:
-    """Return the next requested Ms. It is unchanged if the limit is met, or if the limit is kept and not active."""
+    """Return the next requested Ms, as the Notes of `correct_request` say."""
     if result <= limit * (1 + STILL_KEPT) and not (active and result < limit * (1 - MET)):
         return request
     factor = (limit * (1 - 0.5 * MET) - 1) / (result - 1)

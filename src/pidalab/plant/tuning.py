@@ -25,20 +25,20 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# largest ratio of the sample time to the longest time of an integrating plant; after so long only the integrator moves
+# For an integrating plant, the largest sample_time / (longest time). After so long only the integrator still moves.
 AT_REST = 10.0
-OTHER_UNIT = 100.0  # if sample times differ by this ratio, their units may differ
+OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of the gain from noise to u, in units of `_gain_needed`
 DEFAULT_NOISE_SHARE = 0.01  # default standard deviation of noise in u, as a share of a record's input step
 MOST_MS = 5.0
-PHASE_UNKNOWN = 1e-3  # phase in rad to which no model is accurate
+PHASE_UNKNOWN = 1e-3  # a smaller phase, in rad, is negligible: no model is so accurate
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 PRICE_WARNING = 1.5  # price of robustness in IAE above which a doubt is given
-REMEDIES = (  # remedies that make a process, or a fit, more certain
+REMEDIES = (  # remedies for too much uncertainty of a process and of a fit
     "a smaller spread would help",
     "a longer record, a larger step or several of them, or less noise would help",
 )
-LONG_TURN = 0.5  # if the phase at the crossover turns by more rad in a sample, the sample time is too long
+LONG_TURN = 0.5  # the sample time is too long if sample_time * (crossover frequency) is above this, in rad
 
 
 def require_sampling(process: Process, sample_time: float) -> None:
@@ -87,21 +87,22 @@ def tune(
         loop. Rules other than "optimal" and "haalman" have no parameter for Ms and ignore it. The result then contains
         the Ms reached.
     noise_gain : float, optional
-        Largest ratio of the standard deviations of u and of white measurement noise, sampled with `sample_time`. By
-        default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without
-        noise, the gain from noise to u at any frequency is limited instead. It may be ten times the gain by which u
-        must change for a unit of y.
+        Largest (standard deviation of u) / (standard deviation of white measurement noise), sampled with `sample_time`.
+        By default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without
+        noise, the gain from noise to u at any frequency is limited instead, to 10/\|P(0)\|. (For an integrator, P is
+        taken where its phase has fallen by 45°.)
     sample_time : float, optional
-        Sample time of the controller that will run the design by backward differences, above 0. For the hold, half of
-        it is added to the dead time. The design is corrected until the sampled loop has the requested Ms, to 0.1 %.
+        Sample time of the controller that will run the design by backward differences, above 0. Half of it is added to
+        the dead time, to account for the hold. The design is corrected until the sampled loop has the requested Ms, to
+        0.1 %.
     rule : str, optional
         "optimal", the least IAE for loads, or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
     spread : float, optional
-        Relative error of the model, by which gain, time scale and dead time are raised and lowered. By default a
-        Process is not varied. A Fit is varied by its uncertainty, and by 15 % of the gain up or down (`Fit.plants`).
-        Its worst case is that of twenty random plants. It is not a bound, since a few in a hundred plants are worse.
+        Relative error of the model: gain, time scale and dead time are raised and lowered by it. By default a Process
+        is not varied. A Fit is varied by its uncertainty, and by 15 % of the gain up or down (`Fit.plants`). Its worst
+        case is the worst of twenty random plants. This is not a bound: a few in a hundred plants are worse.
     output_filter : control.TransferFunction, optional
-        A filter in series with the controller, or the lag of a sensor, which the design takes into account.
+        A filter in series with the controller, such as the lag of a sensor. The design takes it into account.
     ms_worst : float, optional
         Largest maximum sensitivity with any plant of the spread, above 1.
 
@@ -110,16 +111,15 @@ def tune(
     Design
         Its `info` has ``iae`` (of a load step, in units of y times time), ``ms`` and ``mks`` (largest gain from noise
         to u). With a sample time it also has ``ms_sampled``. With a spread it also has ``ms_worst`` (of the sampled
-        loop if there is a sample time), ``iae_worst`` with the same plant, and ``price``. The price is the IAE divided
-        by that of the design without `ms_worst`. ``doubts`` are reservations, ``notes`` are assumptions.
+        loop if there is a sample time), ``iae_worst`` (with the plant that has this Ms) and ``price``: the IAE divided
+        by the IAE of the design without the limit `ms_worst`. ``doubts`` are reservations, ``notes`` are assumptions.
 
     Raises
     ------
     TypeError, ValueError
         If an argument is out of range, the rule does not make this kind of controller, the model is outside the
-        validity of the rule, or no controller meets the limits. Also if the loop is unstable with the model, if
-        `ms_worst` costs more than three times the IAE, or if a Fit with a large model error has fewer poles than `kind`
-        has derivatives.
+        validity of the rule, no controller meets the limits, the loop is unstable with the model, the price exceeds 3,
+        or a Fit with a large model error has fewer poles than `kind` has derivatives.
 
     Examples
     --------
@@ -264,7 +264,7 @@ def _noise_limits(
 
 
 def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
-    """Return a function that searches the least IAE, with the family in the form that the search needs."""
+    """Return a function that searches the least IAE, with `others` as the family."""
 
     def make(request: Requirements, near: Design | None) -> tuple[Design, Any]:
         family = tuple(others) if request.family else ()
@@ -275,7 +275,7 @@ def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
 
 
 def _without_short_delay(process: Process, fastest: float, doubts: list[str]) -> Process:
-    """Leave out a dead time that is negligible up to a frequency, and add a doubt that says so."""
+    """Leave out a dead time that is negligible up to the frequency `fastest`, and add a doubt."""
     if not 0 < process.delay * fastest < PHASE_UNKNOWN:
         return process
     doubts.append(doubt("short delay", delay=process.delay, phase=PHASE_UNKNOWN))
@@ -318,7 +318,7 @@ def _grid(corners: Array) -> Array:
 
 
 def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: list[str]) -> None:
-    """Add a doubt if a derivative acts beyond the poles of the model. Raise if the record shows missing poles."""
+    """Add a doubt if `kind` has more derivatives than the model has poles. Raise if the record shows missing poles."""
     known = len(process.den) - 1
     if known >= ORDER[kind]:
         return
@@ -361,7 +361,7 @@ def perturbed_plants(process: Process, share: float) -> list[Process]:
     Returns
     -------
     list of Process
-        All combinations in which each of the three is either lower or higher.
+        All combinations of lower and higher values.
 
     Examples
     --------

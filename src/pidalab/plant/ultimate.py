@@ -84,7 +84,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
 
     Notes
     -----
-    In a steady oscillation the first Fourier coefficients over whole periods give :math:`P(j\omega) = Y_1/U_1` for any
+    In a steady oscillation the first Fourier coefficients of whole periods give :math:`P(j\omega) = Y_1/U_1` for any
     form and bias of u. Therefore :math:`K_u = |U_1/Y_1|`. The usual :math:`4 d/(\pi a)` assumes that u is a square wave
     and y a sine.
 
@@ -118,7 +118,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     if now.size < FEWEST_IN_CYCLE * cycles:
         raise ValueError(f"sample {FEWEST_IN_CYCLE} times or more in a period, found {now.size / cycles:.1f}")
     held = np.diff(t[rises[0] : rises[-1] + 1])
-    # The coefficient of the held u is exact. Each sample of y stands for half of both neighbouring intervals.
+    # The coefficient of the held u is exact. Each sample of y represents half of each neighbouring interval.
     w = 2j * np.pi / tu
     edges = np.exp(-w * t[rises[0] : rises[-1] + 1])
     first_u = np.sum(u[part] * np.diff(edges)) / (-w * np.sum(held))

@@ -2,9 +2,9 @@
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
 points, but the dead time turns the phase without bound. So a grid step is divided further if the dead time turns the
-phase quickly within the step *and* a crossover or peak is possible there: for crossovers, L must be large enough; for
-peaks, the upper bound of the height must be high enough. Array operations then refine all crossovers, or all peaks, at
-once.
+phase quickly within the step *and* a crossover or peak is possible there: for crossovers, the magnitude must be
+large enough; for peaks, the upper bound of the height must be high enough. Array operations then refine all crossovers,
+or all peaks, at once.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from pidalab._check import Array
 
 PER_DECADE = 120  # number of grid points per decade
 MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memory
-# Largest angle in rad by which the dead time turns the phase between two points, for peaks and for phase crossovers.
+# Largest angle in rad by which the dead time turns the phase between two points: FINE_STEP for peaks, COARSE_STEP for
+# phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
 NEAR_POSITIVE_AXIS = 0.5
-ROUNDING = 1e-12  # a smaller relative imaginary part, |log |L|| or relative difference counts as 0
+ROUNDING = 1e-12  # |log |L||, relative imaginary parts and relative differences count as 0 below this
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
-DETOUR = 1.5  # assumed largest ratio of the length of the path of L between two points to their distance
+DETOUR = 1.5  # between two points, the path of L is assumed to be at most this number times as long as their distance
 NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
 TINIEST = 1e-300  # a smaller |L| counts as 0
 HUGE = 1e9  # where |L| is larger, a jump of the phase is due to a pole on the axis
@@ -66,7 +67,7 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a grid from four decades below the slowest root to four decades above the fastest, but not beyond `end`.
+    """Return a grid from 1e-4 times the slowest root to 1e4 times the fastest root, but not beyond `end`.
 
     The inverse of the dead time counts as a root. The grid is denser near lightly damped roots.
     """
@@ -112,7 +113,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
     Notes
     -----
     Ridders' method is applied to all zeros at once. Invariant: the function has different signs at the ends `low` and
-    `high` of each bracket, of which either may be the larger frequency. Each iteration at least halves the bracket, and
+    `high` of each bracket, and either end may be the larger frequency. Each iteration at least halves the bracket, and
     near a simple zero it doubles the number of correct digits. If the function is exactly 0 at `place`, both ends of
     the bracket are moved to `place`.
     """
@@ -209,7 +210,8 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
-    # On a logarithmic scale, a smooth function exceeds two neighbours by at most their difference.
+    # The bounds assume that the logarithm of a smooth function exceeds the larger of two neighbours by at most their
+    # difference.
     apart = np.fmax(below * np.where(above > 0, below / above, 1.0) - 1, 1 - most_between(below, above))
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
 
@@ -294,7 +296,8 @@ class Axis(ABC):
             return np.angle(-num * np.conj(den))
 
         grid, size = self.grid[self.grid < self.end], self.size[self.grid < self.end]
-        # Up to half the sampling frequency the number of crossovers is finite, so a sampled loop needs no such limit.
+        # Up to half the sampling frequency the number of crossovers is finite, so a sampled loop needs no lower bound
+        # of |L|.
         floor = quietest if self.delay and math.isinf(self.end) else TINIEST
         with np.errstate(all="ignore"):
             loud_steps = np.fmax(size[:-1], size[1:]) >= quietest
@@ -302,7 +305,7 @@ class Axis(ABC):
             product = num * np.conj(den)
             clear = np.abs(product.imag) >= ROUNDING * np.abs(product)
             w, product, size = w[clear], product[clear], (np.abs(num) / np.abs(den))[clear]
-            # If L is near the positive axis at both ends of a step, L crosses the positive axis, if any.
+            # If L is near the positive axis at both ends of a step, it can cross only the positive axis between them.
             ahead, loud = product.real > NEAR_POSITIVE_AXIS * np.abs(product), size >= floor
             allowed = ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:])
             crossovers = zeros(angle, w, np.angle(-product), allowed)

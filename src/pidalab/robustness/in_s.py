@@ -191,7 +191,7 @@ def axis_in_s(loop: Loop) -> AxisInS:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed.
     """
     require_well_posed(loop)
     return unit_axis(loop)
@@ -222,7 +222,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return frequencies that extend the grid at both ends until |L|, there a power of w, has crossed 1."""
+    """Return frequencies that extend the grid until |L| has crossed 1. Near both ends |L| is a power of w."""
     at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
     at_infinity = factors.poles.size - factors.zeros.size
     parts = []

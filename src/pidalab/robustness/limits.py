@@ -8,8 +8,8 @@ automatic reset acts back on :math:`u_L`,
 (the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback. F_r is part of
 G because its input is the *limited* signal. Suppose that the loop can rest at a u strictly between the limits. Then the
 deviation of u from this value is a function of the deviation of u_L, and the function lies in the sector from 0 to 1.
-Its slope is at most 1, and its value is 0 only at 0, although it saturates for large deviations. The criterion of Popov
-with the multiplier :math:`\theta \ge 0` is
+The slope of the function is at most 1, and its value is 0 only at 0, although it saturates for large deviations. The
+criterion of Popov with the multiplier :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
@@ -19,7 +19,8 @@ criteria holds, the loop comes to rest from every initial state. The theorem mak
 - F is strictly proper. Its poles lie left of the imaginary axis, except one simple pole at 0 for an integrating
   process. A loop with this pole is Popov's particular case: the gain 0 does not belong to the sector, since it does not
   stabilise the loop. The residue is positive, so that every small gain stabilises the loop. In this case the theorem
-  requires θ > 0. The circle criterion is covered as well: ωG is bounded, so a positive margin permits a small θ.
+  requires θ > 0. The circle criterion is covered as well: ωG is bounded, so a positive margin remains positive with a
+  small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
 - The inequality is strict, also in the limits of ω to 0 and to infinity.
 - A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
@@ -229,16 +230,15 @@ def popov(loop: Loop) -> Criterion:
 
     Raises
     ------
-    ValueError
-        If the criterion does not apply to the loop.
-    ArithmeticError
-        If there are too many turns of the phase to follow.
+    ValueError, ArithmeticError
+        As for `circle`.
 
     Notes
     -----
-    At each frequency, the expression whose infimum is the margin is linear in θ. So the lines of the frequencies that
-    were found so far give an upper bound of the margin for every θ. The next infimum is computed at the θ with the
-    largest bound, and adds a line. The search ends when the best margin reaches the bound.
+    At each frequency, the expression whose infimum is the margin is linear in θ. So each frequency that was found so
+    far gives a line as a function of θ, and the minimum of these lines is an upper bound of the margin. The next
+    infimum is computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches
+    the bound.
 
     Examples
     --------
@@ -380,8 +380,8 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     -----
     `best` is the smallest value so far. The dead time turns only the term (1 + jωθ) F(jω), so its modulus gives a lower
     bound of the values within each step of the grid. A step is divided only if this bound is below `best`. With a pole
-    of F at 0, the real part of F would be a small difference of large numbers at low frequencies. With F = E/s, the
-    real part of F is Im E/ω, and E has no such pole.
+    of F at 0, the real part of F would be a small difference of large numbers at low frequencies. Therefore F is
+    written as E/s: the real part of F is Im E/ω, and E has no such pole.
     """
     # If F has a pole at 0, these are the factors of E = s F.
     axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))
@@ -422,7 +422,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:
-    """Return the value at θ = 0 and the slope of Re[1 + (1 + jωθ) G(jω)] as a linear function of θ."""
+    """Return the value at θ = 0 and the slope of the expression Re[1 + (1 + jωθ) G(jω)], which is linear in θ."""
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag

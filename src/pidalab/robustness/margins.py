@@ -63,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, smaller \\|L\\|
-        are included. In an unstable loop, the dead time may turn the phase more than about 300,000 times where \\|L\\|
-        is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
+        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, crossovers with
+        smaller \\|L\\| are included. In an unstable loop, the dead time may turn the phase more than about 300,000
+        times where \\|L\\| is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -152,7 +152,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        As for `max_sensitivity`.
 
     Examples
     --------
@@ -288,7 +288,7 @@ def margins(loop: Loop) -> Margins:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        As for `max_sensitivity`.
 
     Examples
     --------
@@ -328,7 +328,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return phase crossovers, the same with both ends of the axis, and max(-L, 0) at the latter frequencies."""
+    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at this array."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -417,9 +417,9 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
 
 
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
-    r"""Return the factors k, largest first, above which :math:`|1 + k L| \ge 1/M_s` is violated at some frequency.
+    r"""Return the factors k, largest first, where :math:`|1 + k L| \ge 1/M_s` becomes violated as k rises.
 
-    At each frequency, the condition is violated for k between the two roots of
+    At each frequency, the condition fails for k between the two roots of
     :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
     """
     size = np.abs(unit) ** 2
@@ -429,6 +429,7 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # If an interval begins above the ends of all preceding intervals, factors just below its start are allowed.
+    # At each frequency the forbidden k form an interval from `low` to `high`. If an interval begins above the ends of
+    # all preceding intervals, k just below its start is allowed.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()

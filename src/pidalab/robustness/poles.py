@@ -19,11 +19,11 @@ MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
 CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
 # Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the rounding errors of the
-# collocation are larger.
+# collocation are larger than such poles.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps of Aberth's method
-SOLVED = 1e-6  # largest residual, or last step divided by the pole, of an accepted pole
+SOLVED = 1e-6  # a pole is accepted if its relative residual or its last relative step is at most this
 
 
 def unstable_poles(loop: Loop) -> float:
@@ -47,7 +47,7 @@ def unstable_poles(loop: Loop) -> float:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed.
     ArithmeticError
         If a pole is too close to the stability limit to be counted.
 
@@ -67,7 +67,7 @@ def count_unstable(axis: Axis) -> float:
     if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
     slowest = axis.grid[0]
-    # A contour that is tilted to the left includes roots on the axis. The last contour also passes 0 at a distance.
+    # A contour that is tilted to the left includes roots on the axis. The last contour also includes roots near 0.
     for slope, shift in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
         count = axis.encirclements(slope, shift)
         if count is not None:
@@ -172,16 +172,16 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     Notes
     -----
     With many equal lags, the coefficients of the characteristic polynomial lose digits. If roots of this polynomial do
-    not solve the factored equation, Aberth's method refines them. It may fail for a cluster, for example around the
-    poles of a fast filter. The error bound of a root of a polynomial of order n is then n times the length of the
-    Newton step.
+    not solve the factored equation, Aberth's method refines them. This method may fail for a cluster, for example
+    around the poles of a fast filter. The error bound of a root of a polynomial of order n is then n times the length
+    of the Newton step.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
         return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
     s = np.roots(
         np.polyadd(num, den)
-    )  # a first approximation; its roots may scatter where `roots` would raise an error
+    )  # a first approximation, whose roots may scatter; here `roots` might raise an error
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, factors)
@@ -211,7 +211,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if the first `last` poles are all poles to the right of a line, by the argument principle."""
+    """Return True if a line left of the first `last` poles has only these poles on its right (argument principle)."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):

@@ -166,12 +166,12 @@ class Design:
         Returns
         -------
         VendorForms
-            Ideal, series and parallel form, with times in seconds and minutes. A form that does not exist says why.
+            As from the controller's method of this name.
 
         Raises
         ------
         ValueError
-            If the unit is another.
+            If the unit is unknown.
 
         Examples
         --------

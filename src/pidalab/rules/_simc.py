@@ -14,9 +14,9 @@ from pidalab.process import Process, require_process
 from pidalab.roots import roots
 from pidalab.rules._design import Design
 
-# A pole counts as real up to this relative imaginary part, since rounding splits multiple poles.
+# A pole or zero p counts as real if abs(imag(p)) <= OSCILLATING * abs(p), since rounding splits multiple poles.
 OSCILLATING = 0.05
-# A zero is paired with a shorter lag up to this ratio of their time constants.
+# A zero 1 + T s is paired with a shorter lag only if T / lag is below this.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
 MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # limit and tolerance of the iteration for the effective dead time
 
@@ -30,10 +30,10 @@ def simc(
               \tau_D = \tau_2
 
     The controller is in series form. An integrator counts as an infinite lag. Half of the largest neglected lag is
-    added to the smallest kept lag. The other half, all smaller lags and the zeros in the right half-plane are added to
-    the dead time. A zero in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). For a pure dead
-    time the result is an integral controller. For a double integrator it is a PID controller with
-    :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
+    added to the smallest kept lag. Three things are added to the dead time: the other half, all smaller lags, and the
+    time constants of zeros in the right half-plane. A zero in the left half-plane is cancelled by a lag of similar size
+    (rules T1 to T3). For a pure dead time the result is an integral controller. For a double integrator it is a PID
+    controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     ==================  ==================
     Skogestad (2003)    here
@@ -96,8 +96,8 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
 
-    The form is the series form. For a pure dead time the result is a PI controller with
-    :math:`k_i = 1/(K (\tau_c + \theta))` and :math:`k_p = k_i\,\theta/3`.
+    The controller is in series form. For a pure dead time the result is a PI controller with :math:`k_i = 1/(K (\tau_c
+    + \theta))` and :math:`k_p = k_i\,\theta/3`.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     Notes
     -----
     The rule is taken from the abstract of Grimholt and Skogestad (2018), since the paper itself was not available. The
-    default of τ_c is our choice. It gives a lag with dead time Ms from 1.65 to 1.73 without filter, much as `simc`.
+    default of τ_c is our choice. For a lag with dead time, Ms without filter is then 1.65 to 1.73, similar to `simc`.
 
     Examples
     --------
@@ -183,9 +183,9 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     -----
     The rule for a zero in the left half-plane depends on the effective dead time, which depends on this rule. Therefore
     the reduction is repeated until the dead time no longer changes. The paper does not say where to start, and several
-    dead times may be consistent. Here the start is the dead time of the model or, if there is none, that of the lags
-    alone. This start reproduces the examples of the paper. If the iteration is periodic, the longest dead time is used,
-    which is cautious.
+    dead times may be consistent. Here the start is the dead time of the model. If there is none, it is the effective
+    dead time of the lags alone. This start reproduces the examples of the paper. If the iteration is periodic, the
+    longest dead time is used, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")

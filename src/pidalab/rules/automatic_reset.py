@@ -15,7 +15,7 @@ of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 
 takes one of the two zeros, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), are
 printed in the paper as the result of a search.
 
-A `Setting` contains these numbers without dimension. `tune` converts any setting to a controller.
+A `Setting` contains the dimensionless parameters. `tune` converts any setting to a controller.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Setting(NamedTuple):
     source : str
         Equations of huba2024.
     lag : float
-        τ_0 = T_0/T_d, dominant time constant of the loop. For PIDA_1, PIDA_2 and PPM-PIDA it is that of the MRDP
+        τ_0 = T_0/T_d, dominant time constant of the loop. PIDA_1, PIDA_2 and PPM-PIDA have the value of the MRDP
         controller from which they are derived.
     kp, kd, ka : float
         Gains of the stabilising controller: K_p K_s T_d, K_d K_s and K_a K_s / T_d.
@@ -109,7 +109,7 @@ def multiple_pole(m: int) -> Setting:
 
 
 def double_zero(ratio: float = 1.0) -> Setting:
-    """Return the setting of a PIDA with a double real zero, one of which is the reset, eqs. (26)-(31).
+    """Return the setting of a PIDA with two equal real zeros. The reset takes one of them, eqs. (26)-(31).
 
     Parameters
     ----------
@@ -199,9 +199,13 @@ def tune(
         Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` applies
         the limits. All other functions use the linear loop within the limits. The filter is part of the controller, so
         it also filters the set point. The paper does not say if it should, but load and noise responses are not
-        affected. `info` has the ``setting``; order ``n`` and ``filter_time`` of the filter; ``te``, the dead time that
-        represents the filter, or 0 if the model includes it; the total dead time ``delay``; ``kp``, ``kd``, ``ka`` and
-        ``ti`` of controller and reset; and ``lead``, b_1 of the prefilter.
+        affected. `info` has
+
+        - ``setting``, ``n``, ``filter_time``: the arguments,
+        - ``te``: the dead time that represents the filter, or 0 if the model includes it,
+        - ``delay``: the total dead time,
+        - ``kp``, ``kd``, ``ka``, ``ti``: parameters of controller and reset,
+        - ``lead``: b_1 of the prefilter.
 
     Raises
     ------

@@ -1,9 +1,10 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
-Controller and range of models are those of `itae`, but the results are closer to the least ITAE. For set-point steps
-most of the best controllers have a simple structure, since their zeros cancel the poles of the model. Overdamped models
-with long dead time are an exception. For these, cancelling costs up to 11 % of ITAE. For loads the fit keeps Ms at 2.
-The chapter on heo2023 shows the optima and compares these rules with others on models and on full processes.
+The controllers and the range of models are the same as in `itae`, but the results are closer to the least ITAE. For
+set-point steps most of the best controllers have a simple structure, since their zeros cancel the poles of the model.
+Overdamped models with long dead time are an exception. For these, cancelling costs up to 11 % of ITAE. For loads the
+fit keeps Ms at 2. The chapter on heo2023 shows the optima and compares these rules with others on models and on full
+processes.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     the ITAE with Table 1 of the paper is 84 % above the least on average, and at most 330 %. With the best factors for
     each model it is 64 % and at most 257 % above the least.
 
-    These numbers apply if the process equals the model. In the three examples of the paper it does not. There the ITAE
-    differs from that with Table 1 by +38 %, +10 % and -26 %. It is 1.8 to 4.5 times the least ITAE for the process
-    itself.
+    These numbers apply if the process equals the model. In the three examples of the paper the process is not equal to
+    the model. There the ITAE differs from the ITAE with Table 1 by +38 %, +10 % and -26 %, and is 1.8 to 4.5 times the
+    least ITAE for the process itself.
 
     Parameters
     ----------
@@ -85,13 +86,13 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
     The last term compensates the derivative filter.
 
     The constants are fitted to the optima with Ms ≤ 2 for 42 of 80 models on a grid, with the default filters. On this
-    grid the ITAE is 9 % above the least with this bound on average (geometric mean), and at most 34 % above it. On 40
-    other models it is 9 % and at most 29 % above the least. Ms is 1.66 to 2.02. Without the bound the least ITAE is
-    37 % of the least with the bound on average, with Ms up to 7.3.
+    grid the ITAE is 9 % above the least ITAE for Ms ≤ 2 on average (geometric mean), and at most 34 % above it. On 40
+    other models it is 9 % and at most 29 % above. Ms is 1.66 to 2.02. If Ms is not bounded, the least ITAE is on
+    average 37 % of that for Ms ≤ 2, but Ms is up to 7.3.
 
-    The rule with Table 3 and Table 1 of the paper is unstable for 18 of the 80 models. For 30 models its ITAE is
-    smaller, with Ms of 2.09 or more. For the three examples of the paper its ITAE is also smaller, by 14 % to 24 %. Its
-    Ms is 3.0 to 4.8 there, compared with 1.9 here.
+    The rule with Table 3 and Table 1 of the paper is unstable for 18 of the 80 models. For 30 models that rule has a
+    smaller ITAE than `load`, but Ms is 2.09 or more. For the three examples of the paper its ITAE is 14 % to 24 %
+    smaller, but its Ms is 3.0 to 4.8, compared with 1.9 for `load`.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pidalab.identification import ThreePointModel
 
-FILTER_RATIO = 0.05  # time constant of the output filter, multiplied by the gain crossover, eq. (9)
+FILTER_RATIO = 0.05  # (time constant of the output filter) * (gain crossover frequency), eq. (9)
 
 
 def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = None) -> PIDA:
@@ -157,8 +157,7 @@ def tune(
         one. A `ThreePointModel` is refused if its `excess_gain` is above 0.25, since the loop with the process might be
         unstable.
     ms : float, optional
-        Maximum sensitivity, above 1, of the loop without the output filter. The filter raises it slightly. The default
-        is the paper's.
+        Maximum sensitivity, above 1, of the loop without the output filter. The default is the paper's.
     kind : {"PIDA", "PID", "PI"}, optional
         Type of controller.
     n, m : float, optional
@@ -168,7 +167,7 @@ def tune(
     -------
     Design
         Controller and output filter. `info` has ``ms_asked`` and the gain crossover ``wgc``, both without the output
-        filter. ``design.ms`` is that of the loop with the output filter.
+        filter. ``design.ms`` is Ms of the loop with the output filter.
 
     Raises
     ------
@@ -243,7 +242,7 @@ class OutputFilter(NamedTuple):
 
 
 def output_filter(model: Process, controller: PIDA) -> OutputFilter:
-    """Design a low-pass filter for the control signal, 20 times faster than the gain crossover, eq. (9).
+    """Design a low-pass filter of the control signal, with a corner at 20 times the gain crossover, eq. (9).
 
     Parameters
     ----------
@@ -293,5 +292,5 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """Scale a controller to the maximum sensitivity. `unit` has the inverse of the model's gain."""
+    """Scale the controller `unit`, whose gain is 1/(gain of the model), so that Ms of the loop is `ms`."""
     return gain_for_ms(Loop(model, unit), ms) * unit

@@ -14,8 +14,8 @@ outside 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. Some formulas are corrected, compa
 * Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The printed tunings require the first, third and last correction. No example tests the others. All constants, and the
-jumps between branches, are as printed. The largest jump is that of the gain of Table 2 at ξ = 0.9, 13 % for r = 2.
+The printed tunings require the first, third and last correction. No printed tuning tests the others. All constants, and
+the jumps between branches, are as printed. The largest jump, of 13 %, is in the gain of Table 2 at ξ = 0.9 for r = 2.
 
 `setpoint_factors` and `load_factors` are not from the paper. They return refitted f_d and f_a. The module `direct`
 replaces the PID tables, which limit the rule, by one formula for the whole range.
@@ -37,7 +37,7 @@ from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
-    """f_d, the share of the dead time that the acceleration compensates, and f_a, acceleration per derivative time."""
+    """Hold f_d, the share of the dead time that the acceleration compensates, and f_a = tau_a / tau_d."""
 
     f_d: float
     f_a: float
@@ -115,7 +115,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
 
 
 def factors(model: Process) -> Factors:
-    """Compute the factors of the PIDA rule by Table 1, for the given model (not the changed one).
+    """Compute the factors of the PIDA rule by Table 1, from the given model (not from the changed model of eq. (9)).
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The default `factors` are those of the given model. The ratio r of the changed model may be as small as 0.057,
+    The default `factors` are computed from the given model. The ratio r of the changed model may be as small as 0.057,
     outside the range of the table. The paper does the same. The factor of the acceleration time is corrected (see the
     top of this module).
 
@@ -285,9 +285,9 @@ def setpoint_factors(model: Process) -> Factors:
        && \xi > 0.9
 
     with :math:`\ell = \ln r` and :math:`x = \ln \xi`. The formulas change where the gain of Table 2 does. On 40 models
-    that were not used in the fit, the ITAE is 1.68 times (geometric mean) and at most 2.52 times the least ITAE of any
-    PIDA controller of this form. With Table 1 it is 1.74 and at most 3.25 times the least. Ms is at most 2.5, except
-    for ξ just above 0.9 with r near 2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
+    that were not used in the fit, the ITAE, divided by the least ITAE of any PIDA controller of this form, is 1.68
+    (geometric mean) and at most 2.52. With Table 1 the ratio is 1.74 and at most 3.25. Ms is at most 2.5, except for ξ
+    just above 0.9 with r near 2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
 
     Parameters
     ----------
@@ -325,8 +325,8 @@ def load_factors(model: Process) -> Factors:
               \qquad \ell = \ln r, \quad x = \ln \xi
 
     No dead time is subtracted. The PID part of Table 3 is unchanged, and the acceleration makes it robust. Every loop
-    of the range is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ITAE is 1.53 times
-    (geometric mean) and at most 1.91 times the least ITAE of a PIDA controller with Ms up to 2. With Table 1 seven of
+    of the range is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ITAE, divided by the
+    least ITAE of a PIDA controller with Ms up to 2, is 1.53 (geometric mean) and at most 1.91. With Table 1 seven of
     these loops are unstable. `direct.load` is closer to the least ITAE.
 
     Parameters
@@ -359,7 +359,8 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     .. math:: k k_c = \frac{\tau + \theta/2}{1.25\,\theta}, \qquad \tau_i = \tau + \frac{\theta}{2}, \qquad
               \tau_d = \frac{\tau\theta}{2\tau + \theta}
 
-    The paper does not print the rule. With a filter of a quarter of the dead time, these formulas give its tunings.
+    The paper does not print the rule. These formulas, with an IMC filter time of :math:`\theta/4`, give the paper's
+    tunings.
 
     Parameters
     ----------

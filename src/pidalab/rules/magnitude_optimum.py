@@ -9,11 +9,10 @@ has coefficients that are linear in the gains, eqs. (13) and (14). The m + 2 gai
 
 eqs. (15) and (16). Areas with a negative index are 0, and the areas include the filter. So 2m + 4 areas are needed. The
 system is solved in exact fractions, because its condition number grows more than a hundredfold with each m. It is
-singular if the controller could cancel every pole of process and filter, since its gains are then unbounded.
+singular if the controller could cancel every pole of process and filter, since the gains are then unbounded.
 
 The conditions concern low frequencies and do not make the loop stable. If the delay dominates or the process
-oscillates, the loop is unstable at some orders. The functions here then raise an error if a process is given. From
-areas alone, instability cannot be detected.
+oscillates, the loop is unstable for some m. The functions here then raise an error if a process is given.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ MO_SOURCES = {
     "uncertainty": "from that of the areas",
 }
 UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
-MOST_UPDATES = 300  # if the filter time still changes after so many updates, it does not settle
+MOST_UPDATES = 300  # an error is raised if the filter time has not settled after this number of updates
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # with a larger order m, rounding errors of the areas dominate
 LOST = 1e-3  # largest accepted relative error of a gain caused by rounding the areas
@@ -114,10 +113,15 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     Returns
     -------
     Design
-        The controller. `info` has the ``gains`` :math:`K_{-1}` to :math:`K_m`; ``filter_time`` T_F; ``static_gain`` A_0
-        of the process; ``ie``, the integral of the error after a unit step of the filtered set point,
-        :math:`1/(A_0 K_{-1})`, eq. (37); and ``uncertainty``, the standard uncertainty of each gain in its own unit.
-        The uncertainty follows from that of the areas. It is 0 for a model.
+        The controller. `info` has
+
+        - ``gains``: :math:`K_{-1}` to :math:`K_m`,
+        - ``filter_time``: T_F,
+        - ``static_gain``: A_0 of the process,
+        - ``ie``: the integral of the error after a unit step of the filtered set point, :math:`1/(A_0 K_{-1})`,
+          eq. (37),
+        - ``uncertainty``: the standard uncertainty of each gain in its own unit. It follows from the uncertainty of the
+          areas, and is 0 for a model.
 
     Raises
     ------
@@ -263,9 +267,9 @@ def tune_for_noise(
 
     Notes
     -----
-    The example of Fig. 5 starts from 0.1, updates once and then three times more. With these updates 69 of the 70
-    filter times and gains in Tables 3 to 5, and all 18 in Table 6, agree within a unit of the last digit. Settled
-    values differ by up to four units in the rows that settle slowly (n = m, and m = 4).
+    With the start and the updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all 18 in Table
+    6, agree with the paper within a unit of the last digit. Settled values differ from the paper by up to four units in
+    the rows that settle slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -361,9 +365,9 @@ def tune_for_filter_noise(
 
 
 def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, float | None]:
-    """Return two logarithms of filter times that bracket the requested noise gain. The second may be None.
+    """Return two logarithms of filter times that bracket the requested noise gain.
 
-    A longer filter time gives less noise.
+    The second is None if the search fails. A longer filter time gives less noise.
     """
     here = start
     sign = math.copysign(1.0, excess(here))
@@ -423,7 +427,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
-    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be mistaken for areas
+    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be taken for areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
@@ -461,7 +465,7 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
 
 
 def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
-    """Return the relative change of each gain by a step of each area: (m + 2, 2m + 4). Return inf if singular."""
+    """Return the relative change of each gain by a step of each area, shape (m + 2, 2m + 4), or inf if singular."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]

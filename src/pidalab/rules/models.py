@@ -76,7 +76,7 @@ def integrator(model: Process) -> tuple[float, float]:
 
 
 class StartingModels:
-    """Models of one process. Each is computed on first use. A ValueError says that a model does not exist."""
+    """Models of one process. Each is computed on first use. If a model does not exist, a ValueError says why."""
 
     def __init__(self, process: Process) -> None:
         self.process = process

@@ -6,7 +6,7 @@ Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s
 
 eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. Any point :math:`x_o` is an (m+2)-fold zero if -N is the
 Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The rule chooses the :math:`x_o` nearest to 0 at
-which the next derivative is also 0:
+which the derivative of order m+2 is also 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
@@ -15,7 +15,7 @@ The sums of the Taylor polynomial telescope. With :math:`a = -x_o` and the trunc
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right),
 
-for every m. In double precision it is accurate to 14 digits for m up to 24 and more. In particular
+for every m. In double precision it is accurate to 14 digits for m up to at least 24. In particular
 :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`.
 """
 
@@ -111,11 +111,11 @@ def _coefficient(m: int, j: int) -> float:
 
 
 def filter_ratio(m: int, n: int) -> float:
-    r"""Compute the filter time constant, divided by the equivalent dead time, T_f / T_e: eq. (11) and Table II.
+    r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
-    The filter and the dead time T_e are equivalent if, with a pure integrator, they put the dominant pole of the loop
-    at the same place. For n = m the loop with the filter has no such pole. Eq. (9) then gives -1/T_f, the pole of
-    the filter, and the rule uses this pole.
+    The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
+    either of them. For n = m the loop with the filter has no such pole. Eq. (9) then gives -1/T_f, the pole of the
+    filter, and the rule uses this pole.
 
     Parameters
     ----------
@@ -219,11 +219,17 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     Returns
     -------
     Design
-        Controller, eqs. (2) and (7), and prefilter, eq. (13). `info` has the orders ``m`` and ``n``; ``te``; the total
-        dead time ``delay``; the dominant ``pole`` in 1/time; ``kc``, ``ti`` and the tuple ``td`` of T_D1 ... T_Dm in
-        time, time², ...; ``filter_time`` T_f; ``weights`` b_0, b_1, ... of the prefilter; ``ie``, the integral of the
-        error after a unit step of the set point; and ``smallest_te``. ``ie`` equals the IAE if the error does not
-        change its sign.
+        Controller, eqs. (2) and (7), and prefilter, eq. (13). `info` has
+
+        - ``m``, ``n``, ``te``: the arguments,
+        - ``delay``: the total dead time,
+        - ``pole``: the dominant pole, in 1/time,
+        - ``kc``, ``ti``, ``td``: gain, integral time, and the tuple of T_D1 ... T_Dm in time, time², ...,
+        - ``filter_time``: T_f,
+        - ``weights``: b_0, b_1, ... of the prefilter,
+        - ``ie``: the integral of the error after a unit step of the set point, which equals the IAE if the error does
+          not change its sign,
+        - ``smallest_te``: the result of `smallest_te` times the dead time.
 
     Raises
     ------
@@ -308,8 +314,8 @@ def _prefilter(weights: Sequence[float], zeros: list[float]) -> control.Transfer
 def smallest_te(m: int, n: int) -> float:
     r"""Compute the shortest T_e, divided by the dead time of the model, for which the loop with the model is stable.
 
-    For m = 0 and m = 1 every T_e is long enough, since without filter \|L\| falls to 0, or to 0.21, at high
-    frequencies. For m of 2 and more, \|L\| would rise without bound, and only the filter reduces it. Far above the
+    For m = 0 and m = 1 every T_e is long enough: even without filter, \|L\| falls to 0 (m = 0) or to 0.21 (m = 1) at
+    high frequencies. For m of 2 and more, \|L\| would rise without bound, and only the filter reduces it. Far above the
     crossover \|L\| has a maximum
 
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
@@ -344,7 +350,7 @@ def smallest_te(m: int, n: int) -> float:
     ratio, unit = filter_ratio(m, n), constants(m)
     if m < 2:
         return 0.0
-    # Compute the share of T_e in T_d for which the maximum is 1.
+    # Compute the ratio T_e / T_d for which the maximum is 1.
     shape = math.sqrt((m - 1) ** (m - 1) * (n - m + 1) ** (n - m + 1) / n**n)
     share = (unit.gain * unit.derivative_times[-1] * shape) ** (1 / (m - 1)) / ratio
     estimate = share / (1 - share)

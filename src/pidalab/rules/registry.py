@@ -100,7 +100,7 @@ class Rule:
         Raises
         ------
         ValueError
-            If the rule does not design this kind, or as the rule itself.
+            If the rule does not design this kind, or if its function refuses the model.
 
         Examples
         --------
@@ -178,7 +178,7 @@ def _direct(test: str) -> Rule:
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
     """Design with the shortest filter that meets the noise limit and is at least as long as a sample.
 
-    Without a noise limit the filter time is a tenth of the sum of lags and dead time, which is A_1/A_0.
+    Without a noise limit T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the sum of lags and dead time.
     """
     m, noise_gain, sample_time = ORDER[kind], limits.noise_gain, limits.sample_time
     if noise_gain is None or sample_time is None:

@@ -39,8 +39,8 @@ from pidalab.signals import REFINEMENT, apply_to_finer
 from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
 from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
-# A response is checked if the dead time spans more than this number of time constants of the fastest state, since
-# digits may then cancel. Without dead time, the simulated time counts instead.
+# A response is checked if the dead time is longer than this number of time constants of the fastest state, since digits
+# may then cancel. Without dead time, the simulated time is used instead.
 CHECKED_FROM = 3e3
 # A second response is computed with the first of these units of time and u. If the comparison with the first response
 # does not decide, the next units are used.
@@ -49,7 +49,7 @@ FEWEST_COMPARED = 64  # least number of time steps at which two responses are co
 DENSE = 10_000  # before a response is refused, its size is computed at this number of times or more
 # Allowed difference of two responses, divided by the largest value of the signal. Nine digits are promised.
 AGREEMENT = 1e-10
-# If the difference of two responses is smaller, no third response is needed, since equal errors are unlikely.
+# If two responses differ by less than this, no third response is needed, since equal errors are unlikely.
 CERTAIN = 1e-12
 # Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times.
 OUTSIDE_KICKS = 1e-6
@@ -78,7 +78,7 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     The number of digits that cancel does not follow from the speeds of a loop. So the response of a stiff loop is
     computed again in other units. The ratio of the units is not a power of 2, so that every coefficient, state and
     power is rounded differently. The shortest power then spans half the time. If both responses agree to ten digits,
-    neither has lost seven of its sixteen digits.
+    each has lost at most about six of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
@@ -129,7 +129,8 @@ def _require_agreement(
         beside_shown = np.maximum(beside_shown, np.max(difference[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    # The difference may be small only in comparison with larger values between the requested times.
+    # The difference may be small compared with values between the requested times, but not with the values at these
+    # times.
     hidden = uncertain.max() <= AGREEMENT
     share, allowed = (beside_shown, OUTSIDE_KICKS) if hidden else (uncertain, AGREEMENT)
     if share.max() <= allowed:
@@ -160,15 +161,15 @@ def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -
 
 
 def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
-    """Return the sizes with which differences are compared, for every `every`-th time: (inputs, 3, times).
+    """Return the sizes with which differences are compared, at each `every`-th time: (inputs, 3, times).
 
     Notes
     -----
-    The size at a time is the largest value of the signal from t = 0 until one dead time later. So a growing response
-    must be exact from the start, but a response that begins with zeros need not be exact at the zeros. A difference
-    after a kick of 1e13 would be negligible in comparison with the kick. So values outside kicks are also compared with
-    the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead time do
-    not count, because a value within a kick is only as exact as its time.
+    The size at a time is the largest value of the signal from t = 0 until one dead time after this time. So a growing
+    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros. A
+    difference after a kick of 1e13 would be negligible in comparison with the kick. So values outside kicks are also
+    compared with the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of
+    the dead time do not count, because a value within a kick is only as exact as its time.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -208,8 +209,9 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, or if the response of an unstable loop overflows. If \\|L\\| is near 1 or above at
-        infinite frequency, the response depends on all past dead times, and their number must not be too large.
+        If the loop is ill-posed, if the response of an unstable loop overflows, or if the times span too many dead
+        times. Few dead times are allowed if \\|L\\| is near 1 or above at infinite frequency, since the response then
+        depends on all of them.
 
     Examples
     --------
@@ -251,8 +253,8 @@ def simulate(
     Raises
     ------
     ValueError
-        If the times are not uniform from 0, if a signal has another length or contains NaN, or if the loop is
-        ill-posed. The control signal must stay within the limits of the controller, since saturation is not simulated.
+        If the times are not uniform from 0, if a signal has another length or contains NaN, if the loop is ill-posed,
+        or if the control signal leaves the limits of the controller. (Saturation is not simulated.)
 
     Examples
     --------
@@ -483,8 +485,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. The end is doubled until the error has decayed. Ends of at most twice the
-        dead time are skipped, since the loop has hardly reacted by then.
+        End of the first simulation, above 0. It is doubled until the error has decayed. It is also doubled while it is
+        at most twice the dead time, since the loop has hardly reacted by then.
 
     Returns
     -------
@@ -494,7 +496,8 @@ def simulate_until_settled(
     Raises
     ------
     ValueError
-        If the horizon is not above 0, or if the response does not settle within a permitted number of dead times.
+        If the horizon is not above 0, if the response does not settle within 8192 horizons, or if this takes too many
+        dead times.
 
     Examples
     --------

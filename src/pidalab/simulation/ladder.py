@@ -13,15 +13,15 @@ its length is the number of ages that the outputs read, plus R - 1 for each powe
 goes back beyond t = 0, because all earlier states are 0. So this truncation adds no error.
 
 *Error bound.* When one power is applied r times, its reach is not counted r times. The binary digits of r select higher
-powers with the same product, and the length is computed from the reaches of these higher powers. The sum of their
-reaches is smaller, because each power drops its last coefficients when it is formed (see `ring.shortened`). A stack of
-this length lacks only the contribution of the dropped coefficients to its oldest states. Outputs, too, ignore the
-oldest ages if their coefficients are below `DROPPED` times the largest coefficient. The total error, in the balanced
-units of the states, is at most the product of five factors: `DROPPED`, the number of powers, the largest coefficient of
-a power, the gain of the other powers and the largest old state. This bound is far below rounding unless coefficients or
-states are 1e10 times as large as the requested values. In that case rounding destroys the digits first, and
-`checked_responses` detects the loss. `checked_responses` does not detect truncation, since responses in other units are
-truncated equally.
+powers with the same product, and the length is computed from the reaches of these higher powers. The sum of the reaches
+of these powers is less than r times the first reach, because each power drops its last coefficients when it is formed
+(see `ring.shortened`). A stack of this length lacks only the contribution of the dropped coefficients to its oldest
+states. In the same way, an output ignores the oldest ages if their coefficients are at most `DROPPED` times the largest
+coefficient of this output. The total error, in the balanced units of the states, is at most the product of five
+factors: `DROPPED`, the number of powers, the largest coefficient of a power, the gain of the other powers and the
+largest old state. This bound is far below rounding unless coefficients or states are 1e10 times as large as the
+requested values. In that case rounding errors are larger still, and `checked_responses` detects these errors. It cannot
+detect truncation, since responses in other units are truncated equally.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
     step : float
         Time from one requested time to the next.
     norm : float
-        Value of `norm_over`, or a larger number, which makes the lowest power shorter.
+        Value of `norm_over`, or a larger number. A larger number makes the lowest power shorter.
 
     Raises
     ------
@@ -131,9 +131,9 @@ def _responses(cut, step, n, intervals, norm):
     Notes
     -----
     The multiple k is the time k * delay, and the interval k is the time from the multiple k to the multiple k + 1. The
-    number states[i, k * size + j] is state variable j at the multiple k, for input i. The number
-    terms[i, m, (k - start) * size + j] is the derivative of order m of this variable, times delta^m / m!. The loop
-    over k keeps these invariants:
+    number states[i, k * size + j] is state variable j at the multiple k, for input i. The derivative of order m of this
+    variable, times delta^m / m!, is terms[i, m, (k - start) * size + j]. Here `start` is the first multiple in `terms`,
+    and `delta` is the time of the lowest power that advances stacks. The loop over k keeps these invariants:
 
     * When the pass for k begins, the outputs at all requested times before the multiple k are computed, and `first` is
       the index of the next requested time.
@@ -144,7 +144,7 @@ def _responses(cut, step, n, intervals, norm):
     * Each stack has only the ages that the outputs read from this stack and from the later stacks of the interval.
 
     A run is a number of successive requested times whose outputs are computed at once, as one product of a stack and
-    `rows`. The module `pidalab.simulation.exact` describes the method.
+    `rows`.
     """
     A, B, Cv, D, delay = cut.A, cut.B, cut.Cv, cut.D, cut.delay
     size, inputs = cut.x0.shape
@@ -171,7 +171,7 @@ def _responses(cut, step, n, intervals, norm):
         return result, 0, TOO_LARGE
     # The Taylor series that advances a stack spans less than delta. It ends where its terms are negligible.
     spanned = min(SERIES, -low)
-    bits = min(-low, len(powers))  # no distance is longer than a step or a dead time
+    bits = min(-low, len(powers))  # a distance is at most a step and at most a dead time
     delta = step * 2.0 ** (low + spanned)
     series, term = 1, norm * delta
     while term > 1e-18:
@@ -281,8 +281,8 @@ def _responses(cut, step, n, intervals, norm):
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
                     # At a multiple of the dead time, u is read just before a jump can act on the fast part. So the
-                    # settled value of u is used. It contains all states that the outputs read, except the state at t =
-                    # 0, which is the jump itself.
+                    # settled value of u is used. The sum includes all states that the outputs read, except the state at
+                    # t = 0, which is the jump itself.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size

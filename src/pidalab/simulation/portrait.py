@@ -38,9 +38,9 @@ MOST_SETS = 10**7  # the measures of so many sets take about 2 GB
 class Bank(NamedTuple):
     """Parameters and prefilter coefficients of many loops. Every array has the shape of the grid."""
 
-    base: SeriesPIDA  # its other values are the same for all sets
-    values: dict[str, Array]  # by `PARAMETER_NAMES`
-    num: tuple[Array, ...]  # numerator of the prefilter, as long as den
+    base: SeriesPIDA  # has the values that all sets share
+    values: dict[str, Array]  # the keys are `PARAMETER_NAMES`
+    num: tuple[Array, ...]  # numerator of the prefilter, with as many coefficients as den
     den: tuple[Array, ...]
 
     @staticmethod
@@ -90,7 +90,7 @@ class Bank(NamedTuple):
     def measures(
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
-        """Simulate the sets, whose number must be a multiple of `LANES`, and return measures: (measures, sets)."""
+        """Simulate the sets and return (measures, sets). The number of sets must be a multiple of `LANES`."""
         groups = [sampled_lanes.run(bank, plant, h, r, d, n) for bank in controllers(self, limits, h)]
         return np.concatenate(groups, axis=1)
 
@@ -112,7 +112,7 @@ def _differing(base: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[st
 
 
 def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], list[Array]]:
-    """Check the coefficients of the given prefilters, and return numerator and denominator, both of one length."""
+    """Check the coefficients of the given prefilters, and return numerator and denominator."""
     if loop.prefilter is not None:
         raise ValueError(f"prefilter must be given once, but the loop has one already, {loop.prefilter!r}")
     # Check the type first, because iterating over a transfer function raises an unclear error.
@@ -266,7 +266,7 @@ def portrait(
     t : array_like, shape (n,)
         Uniform times that start at 0. Their step is the sample time.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        Inputs that all sets share. A number is a step at t = 0. An array is held from each sample to the next.
+        Inputs that all sets share, as for `simulate`.
     limits : tuple of float, optional
         Smallest and largest control signal. The limits of the controller also apply.
     prefilter : tuple of two sequences of array_like, optional
@@ -285,7 +285,7 @@ def portrait(
     TypeError, ValueError
         If the controller is not a `SeriesPIDA` or the loop has an output filter; if parameters are unknown, not finite,
         out of range or do not broadcast; if the sample time exceeds the time constant of a filter; if a prefilter is
-        unstable; if no control signal within the limits can hold the load and the set point; and as
+        unstable; if no control signal within the limits can hold the load and the set point; and as for
         `simulate_sampled`.
     MemoryError
         If the grid has more than ten million sets.
@@ -306,7 +306,7 @@ def portrait(
     >>> p.iae.round(2).tolist()
     [[14.74, 15.56, 16.49], [14.04, 14.79, 15.67]]
 
-    For a table with one set a row, use ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
+    For a table with one set in each row, use ``table.assign(**pidalab.portrait(loop, table, t, load=1.0)._asdict())``.
     """
     t, *held = _check.signals(t, setpoint=setpoint, load=load, noise=noise)
     r, d, n = map(np.ascontiguousarray, held)  # kernels need contiguous arrays

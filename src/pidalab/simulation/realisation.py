@@ -2,9 +2,9 @@
 
 Each block is driven by the preceding blocks. The order is process, integral of the process output, prefilter, and
 controller with output filter. A derivative filter that is much faster than the plant would compute s^2 y as a
-difference of nearly equal states. The states of such a fast part are therefore replaced by their distances from their
-quasi-steady values under the slow signal. The quasi-steady output of the fast part is the transfer function of this
-part, evaluated at the matrix of the slow states.
+difference of nearly equal states. Each state of such a fast part is therefore replaced by its distance from a
+quasi-steady value, which follows from the slow states. The quasi-steady output of the fast part is the transfer
+function of this part, evaluated at the matrix of the slow states.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ AGES = 8
 def without_slow_parts(
     slow: tuple[Part, ...], first: tuple[Array, Array], second: tuple[Array, Array], fast: tuple[Part, ...]
 ) -> tuple[Any, Any]:
-    """Return numerator and poles of the product of two fractions, less the sum of its slow parts.
+    """Subtract slow parts from the product of two fractions. Return numerator and poles of the remainder.
 
-    The slow parts are first subtracted in the numerator, which is then divided by the polynomial of the slow poles. The
-    division begins at the highest power, which belongs to the fast terms, so that no small difference of large numbers
-    is formed.
+    First the slow parts are subtracted in the numerator. Then the numerator is divided by the polynomial of the slow
+    poles. The division begins at the highest power, which belongs to the fast terms, so that no small difference of
+    large numbers is formed.
     """
     num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
     poles = np.concatenate([part.poles for part in fast])
@@ -58,7 +58,7 @@ def without_slow_parts(
 
 
 def times_function(row: Array, matrix: Array, num: Array, poles: Any) -> Array:
-    """Return row @ H(matrix) for a fraction H, by Horner's rule and by one linear system for each pole."""
+    """Return row @ H(matrix) for a fraction H, by Horner's rule and one linear system for each pole of H."""
     value = np.zeros(row.size, dtype=complex)
     for coefficient in num:
         value = value @ matrix + coefficient * row
@@ -111,21 +111,24 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
     return np.array(read)
 
 
-# A part of the controller is decoupled if two conditions hold. First, its slowest pole is more than FASTER times as
-# fast as the fastest state that drives the part. Second, the loop gain at the speed of this state is below HIGH_GAIN.
-# With a higher gain the loop would be much faster, and the plant would act as a chain of integrators. With FASTER =
-# 100, a filter 50 times faster than its plant would not be decoupled. Its kick of 1e5 times y would be a difference of
-# nearly equal states, and u after a step of the load had errors of up to 5e-8 of its largest value.
+# A part of the controller is decoupled (see `_cut`) if two conditions hold. First, its slowest pole is more than FASTER
+# times as fast as the fastest state that drives the part. Second, the loop gain at the speed of this state is below
+# HIGH_GAIN. With a higher gain the loop would be much faster, and the plant would act as a chain of integrators. With
+# FASTER = 100, a filter 50 times faster than its plant would not be decoupled. The kick of this filter, a short signal
+# of 1e5 times y, would be a difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of
+# its largest value.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# Parts that are more than STIFF times as fast may be kept out of the process. All other parts then count as slow.
+# Parts that are more than STIFF times as fast as the states that drive them may be kept out of the process (see
+# `_cut`). All other parts then count as slow.
 STIFF = 100.0
-# Parts that are more than VERY_STIFF times as fast are kept out of the process if their kicks change the process output
-# by less than SENDS_LITTLE. After such a part has settled, u is read from the past and present states that drive the
-# part, because the rounding of the states of the part grows with the ratio of the speeds. The effect of the fast states
-# on the process is then neglected, since this effect decreases with the square of the ratio.
+# Parts that are more than VERY_STIFF times as fast as these states are kept out of the process if their kicks change
+# the process output by less than SENDS_LITTLE. After such a part has settled, u is read from the past and present
+# states that drive the part, because the rounding of the states of the part grows with the ratio of the speeds. The
+# effect of the fast states on the process is then neglected, since this effect decreases with the square of the ratio
+# of the speeds.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
-# Number of time constants after which a mode is negligible, even if its first value is 1e7 times u.
+# Number of time constants after which a mode is negligible, even if its initial value is 1e7 times u.
 FADED_AWAY = 60.0
 
 
@@ -177,7 +180,7 @@ class _States:
         self.used = inputs
 
     def signal(self, place: int) -> Array:
-        """Return the signal with one index in x and W. For the index -1, return the signal 0."""
+        """Return one element of (x, W) as a signal. For the index -1, return the signal 0."""
         row = np.zeros(self.moves.shape[1])
         if place >= 0:
             row[place] = 1.0

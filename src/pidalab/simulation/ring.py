@@ -8,10 +8,10 @@ commute, because each element is a power series of the same matrix.
 
 Notes
 -----
-Elements represent exponentials less 1, so that a slow state keeps its digits next to a fast state. The product of two
-elements is :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from the end of an element while they are
-at most `DROPPED` times its largest coefficient. Scaling and squaring follows Higham, *Functions of Matrices*, 2008,
-ch. 10, with a Taylor series for a norm of at most 1/2.
+Elements represent exponentials less 1. The exponential for a slow state is so near 1 that the 1 would cost digits. The
+product of two elements is :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from the end of an element
+while they are at most `DROPPED` times its largest coefficient. Scaling and squaring follows Higham, *Functions of
+Matrices*, 2008, ch. 10, with a Taylor series for a norm of at most 1/2.
 
 All sums are added term by term in a fixed order, without library calls and with one accumulator, so that the results
 are the same on every processor.
@@ -23,9 +23,9 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# Coefficients at the end of an element are dropped up to this multiple of its largest coefficient. The value is so
-# small because one element holds both the coefficients of a kick (a short, very large signal) and those of the plant.
-# With 1e-20, a kick of 1e22 caused an error of 4e-9 in y.
+# A coefficient at the end of an element is dropped if it is at most DROPPED times the largest coefficient. DROPPED is
+# so small because one element holds both the coefficients of a kick (a short, very large signal) and those of the
+# plant. With 1e-20, a kick of 1e22 caused an error of 4e-9 in y.
 DROPPED = 1e-26
 TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 times the first term
 
@@ -58,7 +58,7 @@ def add_rows(out, factors, rows, first, column):
 
 
 def _add_product_row_by_row(out, place, factors, column, count, rows, first):
-    """Plain form of `add_product`."""
+    """Do the same as `add_product`, without compilation."""
     (at, size), order = place, factors.shape[0]
     for i in range(count):
         out[:order, at : at + size] += (
@@ -70,8 +70,8 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 def add_product(out, place, factors, column, count, rows, first):
     """Add factors[:, column : column + count] @ rows[first : first + count] to some columns of `out`.
 
-    `place` holds the first of these columns of `out` and their number. Sums are formed as in `add_rows`, for two rows
-    of factors at a time.
+    `place` holds the index of the first of these columns, and their number. Sums are formed as in `add_rows`, for two
+    rows of factors at a time.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -211,7 +211,8 @@ def _width(first, second, most):
 
     No number in a product of two coefficients exceeds the order times the largest number of the first coefficient times
     the largest number of the second. A coefficient is dropped if this bound is at most `DROPPED` times the first
-    coefficient of the product. The first coefficient is computed here, and is at most as large as the largest one.
+    coefficient of the product. Only this first coefficient is computed here. It is at most as large as the largest
+    coefficient, so the bound is safe.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
@@ -252,7 +253,7 @@ def product(first, second, most):
 def ladder(A, B, Cv, D, norm, step, top, most):
     """Return the exponentials less 1 for the times step * 2^p, p = low, ..., top, and return `low`.
 
-    The list of these exponentials, the powers, is empty if the powers would overflow.
+    These exponentials are called powers. Their list is empty if they would overflow.
 
     Notes
     -----
@@ -292,7 +293,7 @@ def transition(powers, step, low, tau, most, A, B, Cv, D):
         while tau > duration - dust:
             times[p] += 1
             tau -= duration
-    # The product is formed from the shortest power up, because its factors are then short for longest.
+    # The product is formed from the shortest power up, so that it has few coefficients for as long as possible.
     begun = tau > dust
     out = taylor(tau, most, A, B, Cv, D) if begun else np.zeros(A.shape)
     for p in range(len(powers)):

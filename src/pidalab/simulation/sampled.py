@@ -7,9 +7,9 @@ At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)`
 .. math:: w(t_k + s) = v_{k-m-1} \;\;(0 \le s < \lambda), \qquad v_{k-m} \;\;(\lambda \le s < h), \qquad v = u + d.
 
 Each sample interval has one or two pieces with a constant input. A matrix exponential for each piece advances the plant
-without any error. The controller is discretised for a held input as well. The only remaining effect is that of a real
-digital controller, which delays by half a sample in reading and half a sample in holding. As h decreases, the response
-approaches that of the continuous loop, with an error proportional to h.
+without any error. The controller is discretised for a held input as well. The only remaining difference from the
+continuous loop is that of a real digital controller, which delays signals by half a sample in reading and by half a
+sample in holding. As h decreases, the response approaches that of the continuous loop, with an error proportional to h.
 
 An actuator that is switched within the sample (pulse width modulation) is also simulated exactly. Its pulses have a
 finite number of widths. The contribution of each width to the state of the plant is computed beforehand.
@@ -58,10 +58,10 @@ def simulate_sampled(
     r"""Simulate a loop whose controller is digital and limited, exactly for any dead time of the plant.
 
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
-    step of `t` as its sample time. (Its own ``step`` would start without a bump instead. To start it from rest, call
-    ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every prefilter are discretised for
-    held inputs, with the step of `t` as sample time. All signals and limits are relative to the state of rest. An
-    actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
+    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead. To start
+    from rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every
+    prefilter are discretised for held inputs, with the step of `t` as sample time. All signals and limits are relative
+    to the state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the
@@ -76,32 +76,35 @@ def simulate_sampled(
     t : array_like, shape (n,)
         Uniform times that start at 0. Their step is the sample time h of the controller.
     setpoint, load, noise : float or array_like, shape (n,), optional
-        A number is a step at t = 0. An array is held from each sample to the next.
+        As for `simulate`.
     limits : tuple of float, optional
-        Smallest and largest control signal. They must contain 0, or one of them must be 0. The limits of a
-        `SeriesPIDA` also apply.
+        Smallest and largest control signal. 0 must lie between them, or be one of them. The limits of a `SeriesPIDA`
+        also apply.
     plant : Process or AsymmetricPlant, optional
         Plant to simulate instead of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
         Action of the integral of a continuous controller at a limit. By default, or with "none", it continues to
         integrate. With *clamping* it stops while it would drive the control signal further beyond the limit. With
-        *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, the error for which w would equal the limited
-        signal u. Here k_p is the value of :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
-        ``controller.discretise``. A digital controller uses its own anti-windup.)
+        *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, where w is the control signal before the limits
+        and u the limited signal. With this error, w would equal u. Here k_p is the value of :math:`C(s) - k_i/s` at s =
+        0. ("reset" and "back-calculation" are options of ``controller.discretise``. A digital controller uses its own
+        anti-windup.)
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
         or an integral uses the limited signal before rounding, since it would stick otherwise.
     pulse_widths : int, optional
         Number of widths of pulse width modulation. In each sample the actuator is first at the upper limit and then at
-        the lower limit. The width of the pulse is the nearest of 0, 1, …, `pulse_widths` parts of the sample. With 0,
-        the default, the actuator holds its value. Before t = 0 the plant rests as if its input were constant.
+        the lower limit. The width of the pulse is a multiple of a sample divided by `pulse_widths`. The multiple is
+        chosen such that the mean is nearest to the control signal. With 0, the default, the actuator holds its value.
+        Before t = 0 the plant rests as if its input were constant.
 
     Returns
     -------
     Response
         Signals at the times t. At a jump, the value just after the jump is returned. `u` is the limited and rounded
-        control signal, which is held from each sample to the next. With pulses it is their mean over the sample.
+        control signal, which is held from each sample to the next. With pulses, `u` is the mean of each pulse over its
+        sample.
 
     Raises
     ------
@@ -110,15 +113,15 @@ def simulate_sampled(
         not contain 0; if the plant has direct feedthrough without dead time; or if an unstable loop overflows. If a
         filter in or after a continuous controller is faster than the sample time (use
         ``controller.discretise(sample_time)``), or if a digital controller has another sample time. If anti-windup is
-        requested for a controller without integral action or with a reset, or conditioning with kp/ki below the sample
-        time, where it is unstable. If quanta are negative. If pulses are requested without finite limits, with a
-        quantum of the control signal, or for a plant that is not linear or has direct feedthrough.
+        requested for a controller without integral action or with a reset. If conditioning is requested with kp/ki
+        below the sample time, where it is unstable. If quanta are negative. If pulses are requested without finite
+        limits, with a quantum of the control signal, or for a plant that is not linear or has direct feedthrough.
 
     Notes
     -----
-    A controller that is discretised for held inputs cannot use a filter that is faster than the sample time. Its
-    derivative acts only on steps, and the response to each step has decayed at the next sample. Use a sample time well
-    below the time constant of the filter. Or use backward differences, as most PLCs do:
+    A controller that is discretised for held inputs cannot use a filter that is faster than the sample time. The
+    derivative would act only on steps, and its response to a step would have decayed at the next sample. Use a sample
+    time well below the time constant of the filter. Or use backward differences, as most PLCs do:
     ``controller.discretise(sample_time)``.
 
     Examples
@@ -245,7 +248,7 @@ def _behind(
 
 
 def _tracking(ki: float, kp: float, h: float) -> float:
-    """Return the share of u - w that a controller with conditioning adds to its integral in a sample."""
+    """Return the share of u - w (limited minus unlimited signal) that conditioning adds to the integral in a sample."""
     if kp == 0 or not 0 < ki * h / kp < 1:
         raise ValueError(
             f"anti_windup='conditioning' needs kp/ki above the sample time, {h:.4g}, found kp = {kp:.4g}, ki = {ki:.4g}"
@@ -287,10 +290,11 @@ def _with_reset(
 
 TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # first and largest number of samples of a response to noise
 # The response is long enough if its second half has at most this share of the sum of squares. Later samples are
-# neglected. If the tail decays by the factor e in N samples, their share is at most FADED N / TAIL_SAMPLES. The
-# relative error of the gain is at most half of this share: 1e-10 for N of a million, 1e-7 for a thousand million.
+# neglected. If the tail decays by the factor e in N samples, the share of these later samples is at most FADED N /
+# TAIL_SAMPLES. The relative error of the gain is at most half of this share: 1e-10 for N of a million, 1e-7 for a
+# thousand million.
 FADED = 1e-12
-# The response covers at least this number of dead times, since the noise returns only after the first.
+# The response covers at least this number of dead times, since noise comes back to the controller only after the first.
 ECHOES = 4
 
 

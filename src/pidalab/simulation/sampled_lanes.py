@@ -2,7 +2,7 @@
 
 The loops have the same plant, limits and inputs but different controllers. Each variable is a row of `LANES` numbers,
 one for each loop (a lane). Every operation acts on whole rows, which compiles to vector instructions. A lane performs
-the same operations in the same order whatever its neighbours hold, so its result does not depend on the neighbours.
+the same operations in the same order for any values in the other lanes, so its result does not depend on them.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pidalab.simulation.sampled_step import Steps, stepper
 
 LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-# A change of sign of the error within a sample is ignored if the error is below this share of its largest value. The
-# integrals then subtract the area of the other sign instead of adding it. The error in that area is at most the larger
-# of the two end values. IAE is too small by at most 2e-13 times the largest error times the duration. For ITAE this
-# bound is multiplied by the time.
+# A change of sign of the control error e within a sample is ignored if |e| is below this number times its largest
+# value. The integrals then subtract the area of the other sign instead of adding it. In that area |e| is at most the
+# larger of the two end values. IAE is too small by at most 2e-13 times the largest error times the duration. For ITAE
+# this bound is multiplied by the time.
 NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
@@ -188,8 +188,8 @@ def _integrate(
         first, last = r - y_old[i], r - y[i]
         bent = curve[i] * (0.2 * curve[i] - first - last)
         m[ISE, i] += SIXTH * (2.0 * (first * first + first * last + last * last) + bent)
-    # The parabola differs from its chord by at most |curve|/4. So e can change its sign only if one end is closer to 0
-    # than that.
+    # The parabola differs from its chord by at most |curve|/4. So e can change its sign only if one end value is closer
+    # to 0 than |curve|/4.
     for i in range(LANES):
         largest[i] = max(largest[i], max(abs(r - y_old[i]), abs(r - y[i])))
     for i in range(LANES):

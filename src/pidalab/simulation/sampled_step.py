@@ -17,9 +17,10 @@ from pidalab.statespace import StateSpace, held, pieces, realise
 
 
 class PlantStates(NamedTuple):
-    """Two linear systems with the same state. System 1 applies while the first state rises towards w, else system 0.
+    """Two linear systems with the same state.
 
-    For a linear plant both systems are equal.
+    System 1 applies while the first state rises towards w. Otherwise system 0 applies. For a linear plant both systems
+    are equal.
     """
 
     A: Array  # (2, n, n)
@@ -95,7 +96,7 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
 
 
 def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator: Actuator) -> Array:
-    """Return what a pulse of each width adds to the state over a piece that begins `offset` after the pulse begins."""
+    """Return what a pulse of each width adds to the state over a piece. The piece begins `offset` after the pulse."""
     A, b, widths = states.A[0], states.b[0], actuator.widths
     added = np.zeros((widths + 1, b.size))
     if not widths:
@@ -105,8 +106,8 @@ def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator:
     on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
     over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    # The effect of a pulse is the effect over the whole piece minus that of the time after the pulse. From each width
-    # to the next shorter one, this time grows by one part.
+    # The effect of a pulse is the effect of an input of 1 over the whole piece, minus its effect over the time after
+    # the pulse. From each width to the next shorter width, this time grows by one part of a sample.
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
@@ -183,7 +184,7 @@ def filtered(block: StateSpace, signal: Array) -> Array:
 
 @compiled
 def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array, at: int) -> float:
-    """Write the actuator's output plus the load to `v` and `width`. Return the output, or its mean with pulses."""
+    """Write the actuator's output plus the load to `v` and `width`. Return the output, which is a mean with pulses."""
     if actuator.quantum > 0:
         rounded = actuator.quantum * np.rint(wanted / actuator.quantum)
         u = min(max(rounded, actuator.low), actuator.high)
@@ -235,8 +236,8 @@ def run(
     -----
     At the beginning of sample k, `x` is the state of the plant at t_k and `z` is the state of the block. The input that
     is set at t_k is entry `before + k` of `v` and `width`. The first `before` entries are the rest before t = 0. The
-    input of a piece is found `lag_samples` entries earlier, so a dead time needs no other memory. In each sample the
-    measurement is read, then the controller acts, then exact transitions advance the plant piece by piece.
+    input that acts in a piece is found `lag_samples` entries earlier, so a dead time needs no other memory. In each
+    sample the measurement is read, then the controller acts, then exact transitions advance the plant piece by piece.
     """
     n, before = reference.size, plant.lag_samples[0]
     y_offset, bias = rest

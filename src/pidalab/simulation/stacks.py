@@ -10,13 +10,13 @@ from pidalab.simulation.ring import DROPPED, add_product, add_rows, column_sizes
 
 @compiled
 def advanced(stack, order, power, keep):
-    """Advance a stack by the time step of a power of its transition, and keep only the youngest ages."""
+    """Advance a stack by the time that a power spans, and keep only the `keep` youngest ages."""
     ages, reach = stack.size // order, power.shape[1] // order
     after = np.zeros(keep * order)
     before = stack.size - after.size
     for j in range(after.size):
         after[j] = stack[before + j]
-    # The product adds the states of each age, times rows of the power, to the same age and to all younger ages.
+    # Each old state, multiplied by the power, contributes to the new states of its own age and of younger ages.
     for age in range(ages - 1, -1, -1):
         least, end = max(0, age - keep + 1), min(reach, age + 1)
         if least < end:
@@ -33,7 +33,7 @@ def advanced(stack, order, power, keep):
 
 @compiled
 def _reads(rows, outputs, order, wide):
-    """Return the largest coefficient by which each output reads each age. The last row is the largest of all ages."""
+    """Return the largest coefficient with which each output reads each age, and in the last row the maxima."""
     ages = rows.shape[0] // order
     size = np.zeros((ages + 1, outputs))
     for age in range(ages):
@@ -48,11 +48,15 @@ def _reads(rows, outputs, order, wide):
 
 @compiled
 def _read_ages(size):
-    """Return the number of ages that the outputs need. An output ignores coefficients below a `DROPPED` share."""
+    """Return the number of ages that the outputs need.
+
+    Coefficients of at most `DROPPED` times the largest coefficient are ignored.
+    """
     ages = size.shape[0] - 1
     largest = size[ages]
     while ages > 1:
-        # The share is relative to the same output, since coefficients of u may be much larger than those of y.
+        # Compare with the largest coefficient of the same output, since coefficients of u may be much larger than those
+        # of y.
         for q in range(largest.size):
             if size[ages - 1, q] > DROPPED * largest[q]:
                 return ages
@@ -62,7 +66,7 @@ def _read_ages(size):
 
 @compiled
 def _longest(size, ages, power, order, most):
-    """Bound the ages that the outputs will read after the next product with a power, before the product is computed.
+    """Bound the number of ages that the outputs read after a product with a power, without computing the product.
 
     No element of a product exceeds the order times the product of the largest elements of both factors.
     """
@@ -82,13 +86,13 @@ def _longest(size, ages, power, order, most):
 
 @compiled
 def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
-    """Return the rows that read the outputs at `run` successive times from a stack: (states, times and outputs).
+    """Return the matrix that reads the outputs at `run` successive times from a stack: (size of stack, run * outputs).
 
     Notes
     -----
-    The rows for the first time are the coefficients of the outputs. Before each pass the rows for `have` times are
-    complete. The pass multiplies these rows by the next power, which gives the rows for as many later times. It then
-    drops the ages that no output reads.
+    The columns for the first time are the coefficients of the outputs. Before each pass the first `have` columns are
+    complete. The pass multiplies these columns by the next power, which gives the columns for as many later times. It
+    then drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -100,7 +104,7 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
         for j in range(order):
             rows[(ages - 1) * order + j, q] = C[q, j]
         reading = direct[q].copy()
-        for age in range(1, ages):  # through the direct part an output also reads older process inputs
+        for age in range(1, ages):  # through `direct` an output also reads older process inputs
             place = (ages - 1 - age) * order
             read, passed = np.zeros(order), np.zeros(reading.size)
             add_rows(read, reading, Cv, 0, 0)
@@ -222,7 +226,7 @@ def ages_needed(read, powers, order, base, most):
     for runs in range(1, most + 1):
         ages, p, digits = read, base, runs
         while digits > 0:
-            # Powers above the stored ones exist only without dead time, where one age is enough.
+            # Powers above the stored powers are selected only without dead time, where one age is enough.
             if digits % 2 == 1 and p < len(powers):
                 ages += powers[p].shape[1] // order - 1
             digits //= 2
@@ -245,7 +249,7 @@ def first_time(k, step, delay):
 
 @compiled
 def distance_after(k, i, step, delay):
-    """Return the time from multiple k of the dead time to requested time i, or 0 if rounding explains it."""
+    """Return the time from multiple k of the dead time to requested time i. Rounding counts as 0."""
     distance = step * i - k * delay
     return distance if distance > 8.0 * 2.0**-52 * step * i else 0.0
 

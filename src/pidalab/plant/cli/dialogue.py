@@ -79,7 +79,7 @@ def progress(text: str) -> Iterator[None]:
 
 
 class Place(click.Path):
-    """A path to write to. Refuse an empty path, which an unset shell variable gives: it means the current folder."""
+    """A path to write to. An empty path is refused: an unset shell variable would then mean the current folder."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse an empty path."""

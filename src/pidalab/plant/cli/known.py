@@ -214,7 +214,7 @@ def benchmark_command(rule: str, out: Path | None, force: bool, **options: Any) 
     path = Path(file)
     if not function.isidentifier() or not path.is_file():
         raise ValueError(f"rule must be a file and its function, FILE.py:FUNCTION, found {rule!r}")
-    if out is not None and not force:  # before a minute of work
+    if out is not None and not force:  # refuse before a minute of work
         refuse_others({out / file: None for file in FILES})
     apply = functools.partial(_apply, path.resolve(), function)
     name, plants = options["name"] or function, options["plants"] or None

@@ -88,8 +88,8 @@ def report_command(out: Path | None, force: bool, **options: Any) -> None:
 def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
     """Tune a controller from a plant RECORD, a text file in which the input moves. A step from rest is best.
 
-    Print if the loop is safe, the gains, what to check before the start, the doubts and the model. With --out, also
-    write controller.c, controller.st, controller.py, controller.json and report.html.
+    The command prints if the loop is safe, and then the gains, the checks before the start, the doubts and the model.
+    With --out, also write controller.c, controller.st, controller.py, controller.json and report.html.
 
     \b
     Example:

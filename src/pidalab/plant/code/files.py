@@ -24,8 +24,8 @@ from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
 from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
-FAR = 5  # further samples with the measurement far above the set point, and as many far below
-DOUBLINGS = 24  # how often this distance is doubled at most
+FAR = 5  # number of further samples with the measurement far above the set point, and again far below
+DOUBLINGS = 24  # largest number of times that the distance from the set point is doubled
 INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
 INVALID_MEASUREMENT = 1e30  # single precision can represent this value, too
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # largest number of characters in a line
@@ -160,7 +160,8 @@ def vector(k: Parameters) -> Vector:
     """Return test inputs and the expected control signal.
 
     The inputs contain a set-point step, samples in manual mode, a tracked signal, a disturbance and two invalid
-    measurements. At the end the measurement moves so far to both sides that the control signal reaches both limits.
+    measurements. At the end the measurement is so far above, and then below, the set point that the control signal
+    reaches both limits.
     """
     low, high = k.limits
     span = high - low if math.isfinite(high - low) else 2.0
@@ -255,7 +256,8 @@ def content(k: Parameters) -> dict[str, Any]:
 def checksum(stored: dict[str, Any]) -> str:
     """Return a checksum of the fields of a JSON. Neither the order of fields nor the format of numbers affects it.
 
-    The checksum is no protection against intent. It finds accidental changes in fields that the test vector misses.
+    The checksum does not protect against intent. It finds accidental changes of fields that do not affect the test
+    vector.
     """
     fields = {name: value for name, value in stored.items() if name != "checksum"}
     return hashlib.sha256(canonical(fields).encode()).hexdigest()

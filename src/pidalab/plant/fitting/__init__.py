@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 FIRST_TRIED, THEN = ("fopdt", "lags", "sopdt", "ipdt"), ("ifopdt", "sopdtz")
 MODELS = (*FIRST_TRIED, *THEN, "auto")
-SURPLUS = 1.1  # more models are tried if the residuals exceed the noise by this ratio
-WORKING_POINT = 0.15  # relative change of the gain between the working point of the record and others
+SURPLUS = 1.1  # more models are tried if residuals / noise is above this
+WORKING_POINT = 0.15  # relative change of the gain away from the working point of the record
 HIGHER = 0.75  # share of the plants whose gain is raised
-UNSETTLED = 1.05  # an identifiable model is preferred up to this multiple of the least residual
-MOVED = 0.05  # an input moves if it changes by this share of its span
+UNSETTLED = 1.05  # an identifiable model may have residuals up to this multiple of `near` of the best model
+MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest model error, as a share of the movement of the output
-TRIMMED = 0.95  # share of the random plants that are kept, as the likeliest
+TRIMMED = 0.95  # share of the random plants that are kept: the likeliest
 ALONE = "step the input by itself, from rest, with nothing else moving the output"
 
 
@@ -54,15 +54,16 @@ class Fit:
         Kind of the model: "fopdt", "sopdt", "lags", "ipdt", "ifopdt" or "sopdtz".
     parameters, uncertainty : mapping of str to float
         Values and their standard uncertainties. The uncertainties follow from the sensitivities of the output and from
-        the size and correlation of the residuals. In closed loop they are multiplied by a factor, see `fit`.
+        the size and correlation of the residuals. In closed loop they are multiplied by a factor of 1.3 (white
+        residuals) or 7.
     residuals : ndarray, shape (n,)
         Recorded minus simulated output, at the times of the record or, for a long record, at averaged times.
     deviation : float
         Root mean square of the residuals, in the unit of y.
     noise : float
-        Standard deviation of the noise. It is the largest of three values: the noise at rest, the noise of the
-        residuals between samples (root mean square of their second differences, divided by the root of 6), and the
-        rounding.
+        Standard deviation of the noise. It is the largest of three estimates: from the output at rest, from the
+        residuals (the root mean square of their second differences, divided by sqrt(6)), and from the rounding of the
+        output.
     reason : str
         A sentence that says why this model was chosen.
     record : Record
@@ -86,15 +87,15 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return random plants that the record does not rule out.
 
-        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Others
-        have a further lag: the longest lag that raises the residuals by at most 3 %, and a medium lag. In a record such
-        a lag resembles a short dead time, but it acts differently in a loop. For equal lags, two unequal lags with a
-        further lag are also used. Around each model, the 5 % of plants with which the record is least likely are left
-        out.
+        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Two others
+        have a further lag: the longest lag that raises the residuals by at most 3 %, or a medium lag. In a record such
+        a lag resembles a short dead time, but it acts differently in a loop. If the fitted model has equal lags, models
+        of two unequal lags and a further lag are also used. Around each model, the least likely 5 % of the plants are
+        left out.
 
-        A record shows a change of the input only at the next sample. Therefore the dead time of all plants is increased
-        by up to the interval in which the input changed. (An input that moves at every sample is assumed to move
-        exactly at the samples.)
+        A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
+        by a random part of the interval between the samples before and after a change. (An input that moves at every
+        sample is assumed to move exactly at the samples.)
 
         Parameters
         ----------
@@ -142,15 +143,15 @@ class Fit:
                     continue
                 earlier = rng.uniform(0.0, self._data.unseen)
                 plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
-            shrunk *= 0.8  # if parameters are strongly correlated, few draws are likely enough
+            shrunk *= 0.8  # if parameters are strongly correlated, few draws are below the limit
         return plants
 
     def plants(self, count: int = 21) -> list[Process]:
-        """Return the model and plants that the record allows, as a family to design for.
+        """Return the model and random plants that the record does not rule out, as a family for a design.
 
         The plants are those of `spread`. The gain of most plants is raised by 15 %, and the gain of the others is
-        lowered by 15 %. A record shows only the gain at one working point, and a sticking valve moves less than it
-        should.
+        lowered by 15 %. This is because a record shows the gain at one working point only, and because a sticking valve
+        moves less than it should.
 
         Parameters
         ----------
@@ -177,7 +178,7 @@ class Fit:
         return [self.process, *(Process(plant.num * gain, plant.den, plant.delay) for plant, gain in drawn)]
 
     def _squares(self, shape: Shape, values: Array) -> float:
-        """Return the sum of squared residuals of a model with this gain and the best level and initial state."""
+        """Return the sum of squared residuals of a model with these values and the best level and initial state."""
         basis = self._data.basis(shape, values[1:].tolist())
         left = self._data.y - values[0] * basis[:, 0]
         left = left - basis[:, 1:] @ np.linalg.lstsq(basis[:, 1:], left, rcond=None)[0]
@@ -189,15 +190,15 @@ class Fit:
 
     @property
     def nrmse(self) -> float:
-        """Goodness of fit: 1 minus the RMS of the residuals divided by the standard deviation of y."""
+        """Goodness of fit: 1 - `deviation` / (standard deviation of y)."""
         return 1.0 - self.deviation / float(np.std(self._data.y))
 
     @cached_property
     def holdout(self) -> float:
         """NRMSE of the hold-out data, predicted by a model that was fitted to the other data.
 
-        The hold-out data are the last third of the record. If the input does not move there, they are the samples after
-        its last change. nan if the input moves only once, or if the output moves no more than noise.
+        The hold-out data are the last third of the record. If the input does not move in this third, the hold-out data
+        begin at its last change. nan if the input moves only once, or if the output hardly moves in the hold-out data.
         """
         data = self._data
         level = np.cumsum(data.changes)
@@ -221,7 +222,7 @@ class Fit:
 
     @property
     def model_error(self) -> float:
-        """Root mean square of the residuals beyond the noise."""
+        """Square root of ``deviation**2 - noise**2``, or 0 if the noise is larger."""
         return math.sqrt(max(0.0, self.deviation**2 - self.noise**2))
 
     @property
@@ -231,7 +232,7 @@ class Fit:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the model. Those about the record are in `record`."""
+        """Reservations about the model. `record` has its own."""
         doubts = []
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
@@ -245,7 +246,7 @@ class Fit:
         return tuple(doubts)
 
     def plot(self, ax: Axes) -> None:
-        """Draw recorded and simulated output, and below them the residuals in a band of twice the noise.
+        """Draw recorded and simulated output, and below them the residuals with a band of ±2 times the noise.
 
         Parameters
         ----------
@@ -308,12 +309,12 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     record : Record
         Record with an input that moves enough: one step, several steps, or the set-point change of a closed loop.
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz"}, optional
-        In this order: a choice by `fit`, one lag, two poles with damping, up to eight equal lags, an integrator, an
-        integrator with a lag, and two poles with a zero. Every model has a dead time. "auto" chooses the simplest
-        identifiable model whose residuals are at most 3 % above the least. The last two models are tried only if the
-        others leave more than noise and no load is fitted.
+        "fopdt" has one lag, "sopdt" two poles with damping, "lags" up to eight equal lags, "ipdt" an integrator,
+        "ifopdt" an integrator with a lag, "sopdtz" two poles with a zero. Every model has a dead time. "auto" chooses
+        the simplest identifiable model whose residuals are at most 3 % above the least. It tries "ifopdt" and "sopdtz"
+        only if no load is fitted and the residuals of the other models exceed the noise.
     load : bool, optional
-        True to fit the size and time of a load step as well. Then a loop at a constant set point also shows its plant.
+        True to fit also the size and time of a step of the load. This allows records of a loop at a constant set point.
 
     Returns
     -------
@@ -382,7 +383,7 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
 
 
 def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> bool:
-    """Return True if the best model is identifiable and leaves no more than noise."""
+    """Return True if the best model is identifiable and its residuals are at most `SURPLUS` times the noise."""
     if not tried:
         return False
     best = min(tried, key=lambda candidate: candidate.cost)
@@ -390,7 +391,7 @@ def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> boo
 
 
 def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[FitResult, str]:
-    """Return the simplest identifiable candidate close to the best (which is the first), and the reason."""
+    """Return the simplest candidate whose residuals are close to those of the best, `settled[0]`, and the reason."""
     near = [candidate for candidate in settled if candidate.deviation <= settled[0].near]
     chosen = min(near, key=lambda candidate: (candidate.values.size, candidate.cost))
     least: dict[str, float] = {}
@@ -407,7 +408,7 @@ def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[F
 def _result(record: Record, data: FitData, result: FitResult, reason: str) -> Fit:
     names = ["gain", *result.shape.parameters, "delay"]
     times = uncertainty.closed_loop_factor(record, result)
-    # Parameters beyond these belong to the initial state and the load.
+    # Leave out the level, and the parameters of the initial state and the load, which come last.
     keep = np.delete(np.arange(len(result.shape.parameters) + 3), LEVEL)
     covariance = times**2 * uncertainty.covariance(result)[np.ix_(keep, keep)]
     parameters = dict(zip(names, result.values[keep].tolist(), strict=True))

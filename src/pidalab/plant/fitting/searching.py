@@ -72,14 +72,14 @@ def equal_lags(order: int) -> Shape:
 def behind_lag(shape: Shape, lag: float) -> Shape:
     """Return a shape with a further lag of fixed time constant in series.
 
-    The response of the shape is tabulated. Between the times of the table it is taken as a straight line, for which the
-    recursion of the lag is exact.
+    The response of the shape is tabulated and interpolated linearly. The recursion of the lag is exact for an input
+    that is linear between its samples.
     """
 
     def step(t: Array, p: Sequence[float]) -> Array:
         times = np.linspace(0.0, max(float(np.max(t)), lag), TABLE)
         x = times[1] / lag
-        # y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1} is exact if u is a straight line between the times.
+        # y_k = a y_{k-1} + (1 - b) u_k + (b - a) u_{k-1} is the lag's output for the input u.
         a = np.exp(-x)
         b = -np.expm1(-x) / x
         inner = shape.step(times, p)
@@ -121,15 +121,16 @@ LAGGED = Shape(
 SHAPES = {shape.name: [shape] for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)}
 SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 
-# A record with more changes of the input is resampled to a uniform grid. Otherwise each change is simulated by itself.
+# A record with more changes of the input than this is resampled to a uniform grid. In other records each change is
+# simulated by itself.
 MOST_CHANGES = 60
 MOST_SAMPLES = 4000  # samples of a fit; in a longer record neighbouring samples are averaged
 SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
 BETTER = 0.03  # a model with one more parameter must lower the residual by this share
 NONE = 1e-3  # a dead time shorter than this share of a sample is set to 0
 LEVEL = 1  # index of the output's level among the parameters
-DESCENTS = 6  # number of descents from different starts, of which the lowest end is used
-# Descents end at these relative changes. The first applies to all descents, the second to the refinement of the lowest.
+DESCENTS = 6  # number of descents from different starts; the best of them is refined
+# Relative changes at which a search ends: SKETCHED for the descents, FINISHED for the refinement of the best one.
 SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
 LOADS = 46  # number of times at which a step of the load is tried
@@ -173,7 +174,7 @@ class FitData(NamedTuple):
         return shape.step(elapsed.ravel(), p).reshape(elapsed.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
-        """Return the columns of the linear parameters: gain, level, a free initial state with its slope, and a load."""
+        """Return the columns of the linear parameters: gain, level, a free initial state and its slope, and a load."""
         columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])
@@ -236,12 +237,12 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Root mean square of the residuals up to which another model counts as equally good."""
+        """Root mean square that the residuals of an equally good model may have."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
 def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult], str]:
-    """Search for each model. Return the results, and the reason of the last failure."""
+    """Fit each model. Return the results, and the reason of the last failure."""
     tried, failed = [], ""
     for shape in (shape for model in models for shape in SHAPES[model]):
         try:
@@ -258,7 +259,8 @@ def search(data: FitData, shape: Shape) -> FitResult:
     -----
     Gain, level, initial state and load enter linearly, and `projected` solves for them at each step of the search
     (variable projection, Golub and Pereyra 1973). The grid is divided into parts with similar shapes. A descent begins
-    at the best start of each part, so both oscillating and overdamped shapes are tried. The lowest end is refined.
+    at the best start of each part, so that oscillating and overdamped shapes are both tried. The descent with the least
+    cost is refined.
     """
     span = data.t[-1] - float(data.change_times[0])
     delays = span * np.array([0.0, 0.01, 0.03, 0.08, 0.2, 0.35])
@@ -313,7 +315,7 @@ def refined(
         lambda x: projected(placed(x), shape, times(x))[0], x, bounds=(low, high), **options
     )
     p, data = times(solution.x), placed(solution.x)
-    # The search stops just above its lower bound. No record shows so short a dead time, so set it to 0.
+    # A search for a dead time of 0 ends just above 0. No record shows so short a dead time, so set it to 0.
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, linear = projected(data, shape, p)
     jacobian = _sensitivity(data, shape, linear, p)
@@ -338,7 +340,7 @@ def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float])
 
 
 def loaded(data: FitData) -> FitData:
-    """Add a step of the load at the time at which it explains most of the remaining output."""
+    """Add a step of the load at the time that leaves the smallest residuals."""
     span = float(np.ptp(data.t))
     models = span * np.array([*product((0.01, 0.03, 0.1, 0.3), (0.0, 0.01, 0.03, 0.1))])
 
@@ -350,9 +352,9 @@ def loaded(data: FitData) -> FitData:
 
 
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return models with one more lag that the record does not rule out, with the longest such lag and a medium lag.
+    """Return two models with one more lag that the record does not rule out: the longest such lag and a medium lag.
 
-    If the model has equal lags, unequal lags are rivals too, since they change a record almost as equal lags do.
+    If the model has equal lags, models with unequal lags are returned too, since their responses are almost the same.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)
@@ -368,7 +370,7 @@ def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
-        # Start with the further lag replacing dead time.
+        # Start with a dead time that is shorter by the further lag.
         rival = refined(data, behind_lag(result.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))

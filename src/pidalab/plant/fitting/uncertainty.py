@@ -14,13 +14,13 @@ from pidalab.plant.record.cleaning import FEWEST, FOLLOWER, MANY_LEVELS, MOVING
 BLIND = 1e7  # parameters are not identifiable if the scaled sensitivities have a larger condition number
 SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this number of standard uncertainties
 # A model must explain this share of the output's variance. Otherwise most of the movement has other causes, and the
-# noise may hide a response of the other sign.
+# noise may hide a response of opposite sign.
 EXPLAINED = 0.5
-FED_BACK = 0.3  # u follows y if the signs of their changes agree or disagree more than this
+FED_BACK = 0.3  # u follows y if `_agreement` of their changes is at least this
 COLOURED = 1.5  # if more samples share one error, the residuals are not white noise
 CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties for coloured and for white residuals
-CHANCE = 0.003  # accepted probability that a drift looks like a response, or chance like feedback
-OPPOSED = 0.8  # if the signs of u and the residuals disagree more than this, it is not by chance
+CHANCE = 0.003  # accepted probability of taking a drift for a response, or chance for feedback
+OPPOSED = 0.8  # feedback is assumed if the signs of the changes of u and of the residuals agree or disagree this much
 
 DRIFTS = (
     "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
@@ -30,7 +30,7 @@ DRIFTS = (
 
 
 def drifts(data: FitData) -> bool:
-    """Return True if first-order responses to the input explain nothing more than a parabola in time does.
+    """Return True if a parabola in time plus first-order responses to the input fits no better than the parabola alone.
 
     If the record does not begin at rest, the parabola is extended by decays with several time constants.
     """
@@ -58,7 +58,7 @@ def unsettled(data: FitData, result: FitResult) -> str:
             f"the output answers by {answer:.3g}, not clearly above the residuals of {result.deviation:.3g}: the step "
             "is too small against the noise, or something else moved the output; make a larger step, from rest"
         )
-    # Scale the sensitivities by the change that each parameter causes.
+    # Scale the sensitivities to each parameter to length 1.
     scaled = J / np.linalg.norm(J, axis=0)
     if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > BLIND:
         return (
@@ -94,7 +94,7 @@ def unexplained(data: FitData, result: FitResult) -> str:
 
 
 def covariance(result: FitResult) -> Array:
-    """Return the covariance of the parameters for white residuals, times the number of samples that share an error."""
+    """Return the covariance of the parameters for white residuals, multiplied by `samples_per_error`."""
     r, J = result.residuals, result.jacobian
     freedom = max(1, r.size - J.shape[1])
     variance = float(r @ r) / freedom
@@ -117,9 +117,10 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
     -----
     A controller feeds disturbances back to u. White noise does not bias a fit from u to y. Slower disturbances bias it
     by an amount that the record does not show. The factors were calibrated with simulated loops of random first-order
-    plants, as in the tests. The gain has the largest errors. The 95 % quantile of its error, divided by 1.96 standard
-    uncertainties, is 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load. Both are rounded
-    up. In loops with other random numbers at least 90 % of the stated intervals contained each parameter.
+    plants, as in the tests. The gain has the largest errors. Its error divided by 1.96 standard uncertainties has the
+    95 % quantile 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load. The factors are these
+    numbers, rounded up. In loops with other random numbers at least 90 % of the stated intervals contained each
+    parameter.
     """
     # Noise passes from y to u within a sample. Compare only signs, so that a set-point step counts as one sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
@@ -150,13 +151,13 @@ def runs_away(record: Record, data: FitData, result: FitResult) -> str:
 
 
 def _agreement(a: Array, b: Array) -> float:
-    """Return how often signs agree or disagree where neither is 0, scaled from 0 (by chance) to 1 (always)."""
+    """Return abs(agreements - disagreements) / (agreements + disagreements) of nonzero signs, near 0 by chance."""
     both = np.count_nonzero(a * b)
     return abs(float(a @ b)) / both if both > FEWEST else 0.0
 
 
 def samples_per_error(r: Array) -> float:
-    """Return how many samples share one error: the sum of the residuals' correlations up to the first below 0."""
+    """Return how many samples share one error: 1 + 2 (sum of the positive autocorrelations up to the first zero)."""
     spectrum = np.abs(np.fft.rfft(r, 2 * r.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: r.size]
     correlation = correlation / correlation[0]
@@ -165,7 +166,7 @@ def samples_per_error(r: Array) -> float:
 
 
 def noise_of(record: Record, data: FitData, result: FitResult) -> float:
-    """Return the larger of two estimates: the noise at rest, and the changes of the residuals between samples."""
+    """Return the larger of two estimates of noise: at rest, and from the second differences of the residuals."""
     changes = np.diff(_residuals(record, data, result), 2)
     return max(record.noise.deviation, float(np.sqrt(np.mean(changes**2) / 6)))
 

@@ -1,4 +1,4 @@
-"""Records of a plant, with their steps, state of rest, noise and doubts, before a model is fitted."""
+"""Store a record of a plant, and find its steps, state of rest, noise and doubts."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from pidalab.plant.record.reading import read_columns
 
 LONG_INTERVAL = 5.0  # a sampling interval longer than this number of median intervals is a gap
 FEW_LEVELS = 20  # a doubt is given if y has at most this number of levels
-LONG = 0.1  # a moving input may stay at its largest or smallest value for this share of the samples
-SAME_PERIOD = 0.01  # share by which the times of a file may differ from a given period
+LONG = 0.1  # a doubt is given if a moving input has its largest or smallest value for a longer share of the record
+SAME_PERIOD = 0.01  # the sampling interval of a file may differ from `period` by this share
 TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
-RAMP_SAMPLES = 5  # a doubt is given if the input takes more samples to change between two levels
+RAMP_SAMPLES = 5  # a doubt is given if the input takes more samples than this to change between two levels
 
 
 class Noise(NamedTuple):
@@ -45,10 +45,10 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Record:
-    """A record of a plant, with times, input and output. The data are cleaned, and doubts say how.
+    """A record of a plant, with times, input and output. The data are cleaned; `doubts` says how.
 
-    Samples with a missing value are left out, times are sorted, and samples of the same time are averaged. A counter
-    that restarts is continued. Nothing is smoothed or resampled.
+    Samples with a missing value are left out, times are sorted, and outputs of the same time are averaged. If the time
+    is a counter that restarts, it is continued. Nothing is smoothed or resampled.
 
     Parameters
     ----------
@@ -60,11 +60,11 @@ class Record:
         Measured output.
     u_before : float, optional
         Input at which the plant was at rest before the record. Give it if the record begins with its step. By default
-        the first input, or the input of an earlier row with the same time.
+        it is the input of the first row, even if a second row has the same time.
     outliers : {"drop", "keep"}, optional
-        Treatment of outputs that are far from their neighbours, or that stand still to the last digit after they moved.
-        (A sensor at the end of its range does so.) By default they are doubted, and `identification.fit` refuses the
-        record.
+        Treatment of outputs that are far from their neighbours, or that stand still to the last digit after they moved
+        (as at the end of a sensor's range). By default a doubt lists these outputs, and `identification.fit` refuses
+        the record.
     rows : array_like, shape (n,), optional
         Row numbers of the samples in their file. Doubts and errors refer to them.
 
@@ -72,16 +72,16 @@ class Record:
     ----------
     u_before : float
     steps : tuple of Step
-        Changes of the input between lasting levels, in the order of time. Empty for a record of a closed loop.
+        Changes of the input between lasting levels, in the order of time. Empty if the input moves all the time.
     experiment : str
         The kind of experiment, in words.
     rest : float
         Output at rest, before the first change of the input.
     noise : Noise
     at_rest : bool
-        True if the plant was at rest when the input first moved. Assumed if the record begins with a step.
+        True if the plant was at rest when the input first moved. This is assumed if the record begins with a step.
     outlier_note : str
-        Description of the outputs that `outliers` concerns. Empty if there are none, or if they were dropped or kept.
+        Description of the outputs that `outliers` concerns. Empty if there are none, or if `outliers` is given.
     doubts : tuple of str
         Reservations about the record.
     time_unit, date : str
@@ -176,7 +176,7 @@ class Record:
         outliers: Literal["drop", "keep"] | None = None,
         run: int | None = None,
     ) -> Record:
-        """Read a record from a delimited text file, such as those that historians write.
+        """Read a record from a delimited text file, such as an export of a process historian.
 
         Units below the names, per cent signs, brackets, thousands separators and lines after the last number are
         recognised. Doubts say what was changed.
@@ -190,9 +190,9 @@ class Record:
             else the first three. Times may be numbers, dates or times of day. Dates and times of day are converted to
             seconds.
         delimiter : str, optional
-            Text between the columns, which is detected if not given.
+            Text between the columns. By default it is detected.
         period : float, optional
-            Time between samples, for a file without times. Refused if the column `time` contradicts it.
+            Time between samples, for a file without times. An error is raised if the file's own times contradict it.
         skip : int, optional
             Lines to leave out at the beginning of the file.
         u_before, outliers : optional
@@ -203,12 +203,14 @@ class Record:
         Returns
         -------
         Record
-            The record, with its `time_unit` and `date` if the file has them. Dates count from the first sample.
+            The record, with its `time_unit` and `date` if the file has them. Dates are converted to times from the
+            first sample.
 
         Raises
         ------
         ValueError
-            If a column is missing, if two roles share a column, or if an entry is not a number. The row is named.
+            If a column is missing, if two roles share a column, or if an entry is not a number. The message names the
+            row.
 
         Examples
         --------
@@ -275,12 +277,13 @@ class Record:
         return self.steps[0]
 
     def uniform(self) -> tuple[Array, Array, Array]:
-        """Return times, input and output at the median interval. The first change of the input lies on the grid.
+        """Return times, input and output on a uniform grid on which the first change of the input lies.
 
         Returns
         -------
         t, u, y : ndarray, shape (n,)
-            Times from 0; the held input, which is constant until its first step; and the interpolated output.
+            Times from 0 at the median interval; the held input, which is constant until its first step; and the
+            interpolated output.
 
         Examples
         --------
@@ -429,7 +432,7 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
 
 
 def _quantum(y: Array) -> float:
-    """Return the least distance between two values of a rounded signal, or 0 if most values do not recur."""
+    """Return the least distance between two values of a rounded signal, or 0 if the signal is not rounded."""
     levels = np.unique(y)
     return float(np.min(np.diff(levels))) if 3 * levels.size < y.size else 0.0
 

@@ -22,18 +22,18 @@ LONGEST_WRAP = 10
 OVERLAP = 3
 # Values at which counters restart.
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-# An output may stand still for this number of samples, or for this share of all samples if that is more.
+# An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
-# The movement of an output before it stands still is measured over the last 10 samples, and over the last 3.
+# Before an output stands still, its movement is measured in the last 10 samples and in the last 3.
 BEFORE, JUST_BEFORE = 10, 3
-# If the movement over the last 3 samples is at most this share of that over 10, the plant itself came to rest.
+# If (movement in the last 3 samples) / (movement in the last 10) is at most this, the plant itself came to rest.
 SLOWED = 0.1
-# Least movement over the last 10 samples, in rounding steps of the output and as a share of its span.
+# The movement in the last 10 samples must exceed MANY_STEPS rounding steps and LITTLE times the span of the output.
 MANY_STEPS, LITTLE = 2.5, 0.005
-# An input with smaller differences from a straight line over time is a clock. An input with smaller differences from a
-# linear function of the output is a copy. Both differences are shares of the input's span.
+# An input is a clock if it differs from a straight line in time by less than STRAIGHT times its span. It is a copy of
+# the output if it differs from a linear function of the output by less than COPY times its span.
 STRAIGHT, COPY = 0.01, 1e-4
-DISORDER = 0.05  # largest share of samples whose time may lie before that of an earlier sample
+DISORDER = 0.05  # largest share of samples that may have a smaller time than an earlier sample
 LISTED = 4  # largest number of entries of a list in a message; further entries are counted
 
 Places = NDArray[np.intp]  # indices of samples
@@ -226,7 +226,7 @@ def _first_few(entries: Sequence[str]) -> str:
 
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
-MANY = 12  # an input with at least this number of levels, rounded to a hundredth of its span, has no separate steps
+MANY = 12  # if u, rounded to a hundredth of its span, has at least this number of levels, it has no separate steps
 FOLLOWS = 0.98  # an input follows the output if the output explains a larger share of the input's variance
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
@@ -294,7 +294,7 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
     # At a constant set point, a controller computes the input from the present output and its integral. If instead the
-    # input is the cause, later outputs explain it better than present outputs.
+    # input is the cause, later outputs explain the input better than present outputs do.
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
     scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
 

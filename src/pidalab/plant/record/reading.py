@@ -41,7 +41,7 @@ UNIT = re.compile(
 )
 QUOTED = 60  # largest number of characters of the file that a message quotes
 SAMPLE = 50  # lines from which the format is detected, and largest number of column names in a message
-LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # characters of a row, and columns
+LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # largest number of characters in a row, and of columns
 
 
 PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if no name is given and the header has no such name
@@ -50,8 +50,8 @@ PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if no name is given and
 class Columns(NamedTuple):
     """Columns of a file as numbers, with nan for missing values.
 
-    `rows` are the row numbers in the file, and `places` are the column numbers from 0. `time_unit`, and `date` of the
-    first sample, are empty if unknown.
+    `rows` are the row numbers in the file, and `places` are the column numbers from 0. `time_unit` and `date` (of the
+    first sample) are empty if unknown.
     """
 
     values: tuple[Array, ...]
@@ -74,10 +74,11 @@ def read_columns(
         The file in UTF-8 or UTF-16, with or without a byte order mark, or in Latin-1.
     wanted : mapping of str to str, int or None
         The keys are the roles "time", "u" and "y". Each value is the name of a column in the header, or its number from
-        0. If the value is None, the column named like the role is used, or else a default column. A doubt is then given
-        if the file has further columns. Times may be dates.
+        0. If the value is None, the column named like the role is used. If there is none, it is column 0 (time), 1 (u)
+        or 2 (y). A doubt names the default columns if the file has more than three columns. Times may be dates.
     delimiter : str or None
-        Text between the columns. A text of several characters is a regular expression. If None, it is detected.
+        Text between the columns. A text of several characters is a regular expression. If None, the delimiter is
+        detected.
     skip : int
         Number of lines to skip at the beginning.
 
@@ -234,7 +235,7 @@ def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
 def _numbered(lines: Sequence[str], mark: str) -> float:
     """Rate a delimiter: the number of numeric columns at the end of the file, times their share of all columns."""
     rows = [_split(line, mark) for line in [line for line in lines if line.strip()][-SAMPLE:]]
-    half = sorted(map(len, rows), reverse=True)[len(rows) // 2]  # columns beyond this occur in few rows
+    half = sorted(map(len, rows), reverse=True)[len(rows) // 2]  # median number of columns
     counts = [sum(k < len(row) and is_value(row[k]) for row in rows) for k in range(half)]
     return sum(2 * count > len(rows) for count in counts) ** 2 / max(1, *map(len, rows))
 
@@ -316,7 +317,7 @@ def _clock(
             return ((times - first) / share, wrong), "s", date
     if unit not in ("", "s"):
         doubts.append(
-            f"the times are in {unit}, by the name of their column, and so is every other time, the sample time too"
+            f"the times are in {unit}, by the name of their column: give all other times, like the sample time, in it"
         )
     return column, unit, ""
 
@@ -326,8 +327,8 @@ def _stamps(
 ) -> tuple[tuple[Array, Array], str, str]:
     """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
 
-    Several formats are tried. The format that reads the most entries is used. If several formats read as many, the
-    format with the smallest span of time is used. So a record that runs past midnight reveals which number is the day.
+    Several formats are tried. The format that reads the most entries is used. If several formats read equally many, the
+    one with the smallest span of time is used. If the record runs past midnight, this is the right format.
     """
     import pandas as pd
 
