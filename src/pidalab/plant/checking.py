@@ -176,8 +176,8 @@ def check(
 
     Notes
     -----
-    In closed loop the controller feeds the noise back to u. White noise does not bias the fit from u to y.
-    Slower disturbances pull the model towards -1/C. If they cause much of the movement of u, a doubt says so.
+    In closed loop, white noise does not bias the fit from u to y. Slower disturbances pull the model towards -1/C. If
+    they cause much of the movement of u, a doubt says so.
 
     Examples
     --------
@@ -268,7 +268,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
 
 
 def _fitted(record: Record, model: str) -> Fit:
-    """Fit the plant. Include a step of the load if this makes the residuals much smaller."""
+    """Fit the plant. Include a step of the load if it makes the residuals much smaller."""
     fits: list[Fit] = []
     refusal = None
     for load in (False, True):

@@ -54,7 +54,6 @@ class LoopEvaluator:
 
     def __init__(self, sample_time: float | None, output_filter: Any = None) -> None:
         self.sample_time, self.output_filter = sample_time, output_filter
-        # The cache stores Ms for each pair of a design and a plant.
         self.ms = cache(self._ms)
 
     def loop(self, design: Design, plant: Process) -> Loop:

@@ -25,8 +25,8 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# For an integrating plant, the largest sample_time / (slowest time constant or dead time). After a sample time of this
-# length only the integrator still moves.
+# For an integrating plant, the largest sample_time / (slowest time constant or dead time). After that only the
+# integrator still moves.
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`
@@ -85,8 +85,7 @@ def tune(
         Kind of controller.
     ms : float, optional
         Largest maximum sensitivity, above 1. 1.4 is cautious, 2 is fast. With a sample time it applies to the sampled
-        loop. Rules other than "optimal" and "haalman" have no parameter for Ms and ignore it. The result then contains
-        the Ms reached.
+        loop. Rules other than "optimal" and "haalman" ignore it, and the result contains the Ms reached.
     noise_gain : float, optional
         Largest (standard deviation of u) / (standard deviation of white measurement noise), sampled with `sample_time`.
         By default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without

@@ -367,11 +367,11 @@ def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
 def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
     """Return the model with a medium further lag, and the model with the longest further lag that still fits."""
     *times, delay = result.values[2:].tolist()
-    # `whole` is at least one sample, since a model of an integrator without dead time can hide a lag of one sample.
+    # `whole` is at least one sample, since an integrator without dead time can hide a lag of one sample.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
-        # Start with a dead time that is shorter than `delay` by the further lag.
+        # Start with the dead time delay - lag.
         rival = refined(data, behind_lag(result.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))

@@ -117,12 +117,11 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
 
     Notes
     -----
-    A controller feeds disturbances back to u. White noise does not bias a fit from u to y. Slower disturbances bias
-    the fit by an amount that the record does not show. The factors were calibrated with simulated loops of random
-    first-order plants, as in the tests. The gain has the largest errors. Its error divided by 1.96 standard
-    uncertainties has the 95 % quantile 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load.
-    The factors are these numbers, rounded up. In loops with other random numbers, at least 90 % of the stated intervals
-    contained each parameter.
+    White noise does not bias a fit from u to y. Slower disturbances bias it by an amount that the record does not show.
+    The factors were calibrated with simulated loops of random first-order plants, as in the tests. The gain has the
+    largest errors. The 95 % quantile of (error of the gain) / (1.96 standard uncertainties) is 1.22 in 99 loops with
+    white noise, and 6.8 in 114 loops with a wandering load. The factors are these numbers, rounded up. In other random
+    loops, at least 90 % of the stated intervals contained each parameter.
     """
     # Noise passes from y to u within a sample. Compare only signs, so that a set-point step counts as one sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))

@@ -204,8 +204,7 @@ class Record:
         Returns
         -------
         Record
-            The record, with its `time_unit` and `date` if the file has them. Dates are converted to times from the
-            first sample.
+            The record, with its `time_unit` and `date` if the file has them.
 
         Raises
         ------

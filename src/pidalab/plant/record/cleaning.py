@@ -174,9 +174,9 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    A sensor at the end of its range gives an output that stands still to the last digit. If a sensor is lost, many
-    loggers repeat its last value, with the same effect. In contrast, the output of a plant that comes to rest slows
-    down first, and a rounded output stands still between rounding steps. Intervals of these two kinds are not returned.
+    A sensor at the end of its range gives an output that stands still to the last digit. Many loggers also
+    repeat the last value of a lost sensor. In contrast, the output of a plant that comes to rest slows down first, and
+    a rounded output stands still between rounding steps. Intervals of these two kinds are not returned.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -190,8 +190,8 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        # Near a maximum or minimum of a slow oscillation, a rounded output changes by one rounding step at a time and
-        # keeps each value for several samples. Such an interval is not reported.
+        # Ignore intervals near a maximum or minimum of a slow oscillation, where a rounded output changes by one
+        # rounding step at a time and keeps each value for several samples.
         crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
         enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
         if way > enough and last > SLOWED * way and not crept:

@@ -245,7 +245,7 @@ def _header(
 ) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     last = [row for row in rows if any(row)][-SAMPLE:]
-    columns = []  # columns of numbers; columns that are blank in every row are ignored
+    columns = []  # columns of numbers
     for k in range(max(map(len, last))):
         entries = [row[k] for row in last if k < len(row) and row[k]]
         if 2 * sum(map(is_value, entries)) > max(len(entries), 1):
