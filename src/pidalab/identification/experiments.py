@@ -115,7 +115,8 @@ def three_point(
 
     The formulas of eq. (5) lose a dead time that is short compared with the dominant lag. With τ = 1, L = 0.25 and
     α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %. However, the controller
-    that the paper's rule gives for this model and Ms = 1.4 reaches Ms = 2.99 with the process. `excess_gain` shows this error.
+    that the paper's rule gives for this model and Ms = 1.4 reaches Ms = 2.99 with the process. `excess_gain` shows this
+    error.
 
     Raises
     ------
