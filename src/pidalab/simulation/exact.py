@@ -51,9 +51,10 @@ DENSE = 10_000  # before a response is refused, its size is computed at this num
 AGREEMENT = 1e-10
 # If two responses differ by less than this, no third response is needed, since equal errors are unlikely.
 CERTAIN = 1e-12
-# Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times.
+# Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times. A kick
+# is a short, very large signal of a fast state.
 OUTSIDE_KICKS = 1e-6
-KICK_DURATION = 60.0  # a kick lasts this number of time constants of a fast state
+KICK_DURATION = 60.0  # a kick lasts this number of time constants of its fast state
 # Times are rounded to 1e-16 of their value. At times beyond this number of time constants of the fastest state, the
 # rounded time no longer determines the value within a kick.
 KICK_UNRESOLVED = 1e5
@@ -129,8 +130,8 @@ def _require_agreement(
         beside_shown = np.maximum(beside_shown, np.max(difference[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    # The difference may be small compared with values between the requested times, but not with the values at these
-    # times.
+    # The difference may be small compared with values between the requested times, but large compared with the values
+    # at the requested times.
     hidden = uncertain.max() <= AGREEMENT
     share, allowed = (beside_shown, OUTSIDE_KICKS) if hidden else (uncertain, AGREEMENT)
     if share.max() <= allowed:
