@@ -374,9 +374,9 @@ def benchmark(
     name : str, optional
         Name in tables. By default the name of the function.
     model : str, optional
-        Argument of the rule. It is ``process``, the plant itself, or the name of a model of the plant:
-        ``reaction`` (lag and dead time from the steepest tangent), ``first_order``, ``second_order`` (reductions),
-        ``third_order`` (three points of the step response), or ``integrator`` (with dead time).
+        Model of the plant that is passed to the rule: ``process`` (the plant itself), ``reaction`` (lag and dead time
+        from the steepest tangent), ``first_order``, ``second_order`` (reductions), ``third_order`` (three points of the
+        step response), or ``integrator`` (with dead time).
     plants : iterable of str, optional
         Names of plants. By default all 134.
     executor : concurrent.futures.Executor, optional

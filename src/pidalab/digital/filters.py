@@ -292,7 +292,7 @@ class Prefilter(NamedTuple):
     move : tuple of tuple of float
         M, row by row.
     out : tuple of float
-        Gains on state - set point. The sum of these products is added to the set point.
+        Gains on (state - set point). The sum of these products is added to the set point.
     """
 
     num: tuple[float, ...]

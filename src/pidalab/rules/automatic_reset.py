@@ -199,8 +199,8 @@ def tune(
     Design
         Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` applies
         the limits. All other functions use the linear loop within the limits. The filter is part of the controller, so
-        it also filters the set point. The paper does not say if it should. The responses to load and noise do not
-        depend on this. `info` has
+        it also filters the set point. The paper does not say whether the set point should be filtered. The responses to
+        load and noise do not depend on this. `info` has
 
         - ``setting``, ``n``, ``filter_time``: the arguments,
         - ``te``: the dead time that represents the filter, or 0 if the model includes it,

@@ -32,7 +32,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     The constants are fitted to the optima for 80 models of the range, with the default filters. On these models the
     ITAE is 4.5 % above the least on average (geometric mean), and at most 18 % above it. On 40 models that were not
     used in the fit, it is 4 % and at most 10 % above the least. Ms is 1.76 to 2.21. With twice the default `alpha_d`
-    and `alpha_a` Ms is up to 2.3, and with four times the default up to 3.4. So check `pidalab.margins` for slower
+    and `alpha_a`, Ms is up to 2.3, and with four times the default up to 3.4. So check `pidalab.margins` for slower
     filters. For comparison, the ITAE with Table 1 of the paper is 84 % above the least on average, and at most 330 %.
     With the best f_d and f_a for each model, the ITAE is 64 % above the least on average, and at most 257 %.
 
