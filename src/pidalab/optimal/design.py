@@ -34,8 +34,8 @@ from pidalab.rules import Design
 from pidalab.simulation.exact import load_response, simulate_until_settled
 
 HIGHEST_ORDER = 4  # highest order of a controller
-ACTIVE = 1e-3  # a limit is active if the relative distance to it is smaller
-NEGLIGIBLE_ACTION = 1e-6  # an action that is smaller, divided by the largest action, is dropped
+ACTIVE = 1e-3  # a limit is active if the relative distance to it is below this
+NEGLIGIBLE_ACTION = 1e-6  # an action is dropped if it is below this number times the largest action
 UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; a limit on noise may make a loop slow
 SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of time
 # If the IAE of the search differs from the simulated IAE by more than this relative amount, the unit of time is too
@@ -43,7 +43,7 @@ SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of
 SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima with a value up to this multiple of the best value are reported
 BEST = 3  # number of descents whose ends are refined
-SAME_END = 1e-4  # two descents may have the same end if the relative difference of their values is smaller
+SAME_END = 1e-4  # the best shaken end is refined if its IAE is below (1 + this) * the best IAE
 # Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
@@ -222,8 +222,8 @@ def _best(
     -----
     The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that approach the
     limits. Each kind is tried with increasing units of time, until the IAE of the search agrees with the simulated IAE
-    to `SAME_IAE`. `best` is the best design so far. The family is considered only after a search without it, since the
-    limit of the family is rarely active.
+    to `SAME_IAE`. The family is considered only after a search without it, since the limit of the family is rarely
+    active.
     """
     import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
@@ -246,8 +246,8 @@ def _best(
     ):
         ways: list[Any] = [*([] if start_design is None else [None]), feasible_starts, approached]
         for start, factor in product(ways, UNITS_TRIED):
-            # The next kind of start is not needed if there is a design, or if only the family prevents a design: then
-            # other starts would end at the same controller.
+            # The next kind of start is not needed if there is a design. If only the family prevents a design, other
+            # starts would end at the same controller.
             if factor == UNITS_TRIED[0] and (best is not None or any(search.family for search in searches)):
                 break
             search = search_in(positive, order, limits, factor)
@@ -377,8 +377,7 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
 
     Notes
     -----
-    A PIDA with hardly any acceleration and a true PIDA with a slower filter can both be local optima. The search finds
-    both in four stages:
+    The search finds different local optima (see `pidalab.optimal`) in four stages:
 
     1. The filter time is fixed at each value of a grid, and the optimum `x` at one value is the start at the next
        value. The grid is passed downwards, upwards, and once more downwards without the highest derivative. The last
@@ -426,7 +425,7 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
 
 
 def _shaken(search: Search, x: Array) -> Iterator[Array]:
-    """Yield random controllers near a given one whose loops are stable. They are the same at each run."""
+    """Yield random controllers near a given controller, if their loops are stable. They are the same at each run."""
     rng, count = np.random.default_rng(0), search.problem.gains
     for gains, filter_time in SHAKES:
         start = x.copy()

@@ -24,12 +24,12 @@ from pidalab.robustness.axis import COMPLEMENTARY, DIFFERENCE
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
-MAX_FINISHES = 12  # largest number of rounds; each round adds the worst frequencies of the preceding round
+MAX_FINISHES = 12  # largest number of rounds of `finish`; each round adds frequencies of violated limits
 VALLEY_GAP = 1e-2  # an optimum is dropped if its value exceeds (1 + this) * the value of a known optimum
 UNPOLISHED = 1e-2  # estimated error of an optimum that was not refined by Newton's method
 ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by a smaller relative amount
 BACK = 0.97  # the gains are multiplied by this before a diverged descent is repeated
-WORST_PLANTS = 2  # at most this number of the other plants is added to the active plants in one round
+WORST_PLANTS = 2  # at most this number of plants is added to `search.active` in one round
 # With a family of plants, the gains are multiplied by SHRINK at most SHRINKS times, until no limit is violated by more
 # than LARGEST_VIOLATION.
 SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
@@ -41,10 +41,10 @@ SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
 ROOM = 1e-9  # relative allowance for rounding at a limit
-NEAR_LIMIT = 0.05  # a peak becomes a condition if log(height / limit) is above minus this
+NEAR_LIMIT = 0.05  # a peak becomes a condition if log(height / limit) > -NEAR_LIMIT
 FREQUENCY_STEP = 1e-5  # relative step in frequency for the curvature of a peak
 PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
-# Largest and least distance, in scaled variables, of points for second derivatives.
+# Largest and least step of the differences for second derivatives, in scaled variables.
 SPACING, LEAST_SPACING = 1e-4, 1e-6
 # The iteration ends after MOST_NEWTON_STEPS steps, or after a step shorter than LAST_STEP. Its result is accepted if
 # the last step is shorter than LARGEST_LAST_STEP.
@@ -53,8 +53,7 @@ SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the st
 # The trust region has a largest and a least radius. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
-# Each peak has a kind, a number (see `Peaks`). Kinds below NOMINAL are peaks of the process, the others of other
-# plants.
+# Kinds of peaks (see `Peaks`) below NOMINAL belong to the process, all other kinds to other plants.
 NOMINAL = len(PEAKS)
 
 
@@ -68,10 +67,10 @@ class Polished(NamedTuple):
 
 
 class Peaks:
-    """Heights of peaks as smooth functions of the unknowns: all limited quantities of the process, |S| of other plants.
+    """Heights of peaks, as smooth functions of the unknowns.
 
-    The kind of a peak is a number. Numbers below `NOMINAL` are indices of `PEAKS`. The next numbers belong to the other
-    plants that are active in the search, one number for the peaks of |S| of each plant.
+    The kind of a peak is a number. Kinds below `NOMINAL` are indices of `PEAKS`, for the limited quantities of the
+    process. Each active plant of the family has one of the next kinds, for the peaks of |S|.
     """
 
     def __init__(self, search: Search) -> None:
@@ -217,7 +216,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian. Peaks are refined at each point of the differences."""
+        """Return the second derivatives of the Lagrangian. Peaks are refined at each point used."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -237,16 +236,15 @@ def polish(search: Search, x: Array) -> Polished | None:
 
     Notes
     -----
-    The state is the point z in the scaled variables of a descent, and for this point the value (log IAE) and
-    `violation`, the sum of all violations. Each step solves the quadratic programme of sequential quadratic programming
-    within a trust region.
+    The state is a point z in scaled variables, with `value` (log IAE) and `violation` (the sum of all violations) at z.
+    Each step solves the quadratic programme of sequential quadratic programming within a trust region.
 
     * Far from the end, a step is accepted only if it does not raise value + penalty * violation. The penalty is at
       least twice the largest multiplier.
-    * A step is near the end if it is shorter than `LOCAL_STEP` and than half of the preceding step. Such a step is
+    * A step is near the end if it is shorter than both `LOCAL_STEP` and half of the preceding step. Such a step is
       accepted, and the iteration ends when a step is shorter than `LAST_STEP`.
-    * Second derivatives are computed again (`stale`) after a step longer than `SMALL_STEP` or than a tenth of the
-      preceding step.
+    * Second derivatives are computed again (`stale`) if the last step is longer than `SMALL_STEP` or longer than a
+      tenth of the step before it.
     * Second derivatives are computed from the response with few samples (`search.iae`), until a step is longer than 0.3
       times the preceding step. From then on the response with many samples (`search.fine`) is used.
     """

@@ -1,7 +1,7 @@
 r"""Compute the IAE and the slack of limits as smooth functions of the gains, with gradients, for `pidalab.optimal`.
 
 The unknowns are the gains, made dimensionless by the gain and the time scale of the process, and the logarithm of the
-filter time. With :math:`C = c/q`, where q is the filter, closed forms exist at each frequency:
+filter time. With the denominator q of the filter, closed forms exist at each frequency:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
@@ -74,7 +74,7 @@ def turned(f: Any) -> float:
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Add the frequencies, up to `end`, at which a dead time turns the phase by the given angles. Sort all."""
+    """Return, ascending, w and the frequencies up to `end` at which a dead time turns the phase by given angles."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -105,7 +105,7 @@ class Problem:
         return x[: self.gains] * self.units, self.time * float(np.exp(x[self.gains]))
 
     def unknowns(self, gains: Array, time: float) -> Array:
-        """Return the unknowns for gains K_-1, K_0, ... and a filter time. Missing last gains are 0."""
+        """Return the unknowns for gains K_-1, K_0, ... and a filter time. Gains that are not given are 0."""
         x = np.zeros(self.size)
         x[: len(gains)] = gains / self.units[: len(gains)]
         x[-1] = np.log(time / self.time)
@@ -148,7 +148,7 @@ class Problem:
             filtered, lag = self._filter(x, s)
             controller = (x[: self.gains] @ actions) * filtered
             sensitivity = 1 / (1 + plant * controller)
-            e = disturbed * sensitivity  # this is y, and the sign does not matter
+            e = disturbed * sensitivity  # this is y = -error, which has the same IAE
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
@@ -195,7 +195,7 @@ class Problem:
     def slack(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
         """Return a function of the unknowns that computes the slack of limits at frequencies w, with its gradient.
 
-        `most` contains limits of `PEAKS` by name. Another process may replace the process of the problem. With
+        `most` contains limits of `PEAKS` by name. A given `process` replaces the process of the problem. With
         r = (height / limit)^2, the slack is 1/r - 1 for |S|, and (1 - r)/(1 + r) for the other heights.
         """
         s = 1j * w
@@ -242,7 +242,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
 
 
 class CachedValueAndSlope:
-    """Cache of the last point, for a function that returns a value and a function that returns its slope."""
+    """A function with value and slope, which caches its last point."""
 
     def __init__(self, both: Any) -> None:
         self.both, self.place = both, b""
@@ -361,7 +361,7 @@ class SampledNoise:
         In 1 + L, the unstable poles of L are moved inside the circle.
         """
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
-        # The function is real at both ends.
+        # The function is real at both ends of the half circle.
         return abs(turned(np.append(f[0].real, f))) > 0.5 * np.pi
 
     def _expand(self) -> None:
@@ -371,7 +371,7 @@ class SampledNoise:
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        self.actions[0, 1 : n + 1] = -1.0  # for K_-1 this is filtered 1/s minus 1/s
+        self.actions[0, 1 : n + 1] = -1.0  # for K_-1 this is 1/s with the filter, minus 1/s
         self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):
@@ -427,11 +427,10 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-# The unit of time is the inverse of the frequency at which the phase of the process is CORNER. With several integrators
-# it is the frequency at which the phase is below that of the integrators by INTEGRATORS_TURN.
+# The unit of time is 1/w_u. At the frequency w_u the phase of the process is CORNER or, with several integrators, the
+# phase of the integrators minus INTEGRATORS_TURN.
 CORNER, INTEGRATORS_TURN = -0.75 * math.pi, 0.25 * math.pi
-# A limit on noise determines the unit only if the frequency of `_loudest` is lower than this frequency by more than the
-# factor NOISE_SLOWDOWN.
+# A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the frequency of `_loudest`.
 NOISE_SLOWDOWN = 8.0
 QUIET_SHARE = 0.1  # proportional gain divided by the noise limit, if nothing else determines the unit
 

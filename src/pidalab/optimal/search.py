@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The candidates for starts form two families. The first family consists of PI and PID controllers with filters of several
-speeds. The controllers of the second family have all zeros at one place below a chosen crossover, for plants that need
-derivative or acceleration to be stable.
+speeds. The second family is for plants that are stable only with derivative or acceleration. The zeros of its
+controllers are all equal, and below a chosen crossover.
 """
 
 from __future__ import annotations
@@ -38,8 +38,10 @@ FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
 LARGEST_GAIN = 1e6  # in the units of gain of the problem
 SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the problem
 VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
-SPARE = 2e-5  # the search keeps (1 - this) times each limit, since peaks may lie between its frequencies
-AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])  # frequencies around a peak, divided by that of the peak
+# The search lowers each limit by this relative amount, since a peak may lie between two of its frequencies.
+SPARE = 2e-5
+# Frequencies around a peak, divided by the frequency of the peak.
+AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
 BETWEEN = 0.01  # a frequency is not added if the relative distance to an existing frequency is smaller
 NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of an intermediate and of a final descent
@@ -51,7 +53,7 @@ FINER = 12  # number of frequencies for the final noise gain, divided by the num
 class Search:
     """Problem with limits at a set of frequencies, to which peaks between the frequencies are added."""
 
-    nearest: Array | None = None  # if no controller keeps the limits, the nearest one
+    nearest: Array | None = None  # controller nearest to the limits, from `approached`
     family: tuple[Process, ...] = ()  # plants with positive gain that must keep ms_worst
 
     def __init__(self, problem: Problem, limits: Requirements) -> None:
@@ -70,7 +72,7 @@ class Search:
         if limits.noise_gain is not None and h is not None:
             self.noise, self.exact_noise = (SampledNoise(problem, h, density) for density in (1, FINER))
         fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
-        self.aim = limits.noise_gain or 0.0  # for the quadrature of the noise
+        self.aim = limits.noise_gain or 0.0  # limit on `self.noise`; lowered if `true_noise` is too high
         filters = (fastest, max(SLOWEST, fastest + 2.0))
         self.filter_times = np.linspace(
             max(SLOWEST_ON_GRID, fastest + 1.0), max(FASTEST_ON_GRID, fastest), GRID_SIZE
@@ -110,7 +112,7 @@ class Search:
         return max(0.0, -min(float(np.min(each.value(x))) for each in constraints or self.constraints()))
 
     def constraints(self) -> list[CachedValueAndSlope]:
-        """Return functions of the slack of all limits at the present frequencies. A violation is a negative slack."""
+        """Return functions that compute the slack of all limits at `self.w`. A violation is a negative slack."""
         worst = {"ms": self.limits.ms_worst * (1 - SPARE)}
         functions = [self.problem.slack(self.w, self.limits.peaks(SPARE))]
         functions += [self.problem.slack(self.w, worst, self.family[k]) for k in self.active]
@@ -200,7 +202,7 @@ def is_surely_stable(loop: Loop) -> bool:
 
 
 def search_in(process: Process, order: int, limits: Requirements, factor: float = 1.0) -> Search:
-    """Return a search whose unit of time is that of the process, times a factor.
+    """Return a search whose unit of time is `factor` times that of the process.
 
     Parameters
     ----------
@@ -232,19 +234,19 @@ def search_in(process: Process, order: int, limits: Requirements, factor: float 
 # --- starts -----------------------------------------------------------------------------------------------------------
 
 
-# First family, in units of the problem: proportional gain, integral gain / proportional gain, derivative gain /
-# proportional gain, and logarithm of the filter time.
+# First family, in units of the problem: kp, ki/kp, kd/kp, and the logarithm of the filter time.
 GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)
 INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)
 DERIVATIVES = (0.0, 1.0, 5.0)
 FILTERS = (-4.0, -2.0, 0.0)
-# Second family: crossover, crossover / zeros of the controller, and corner of the filter / crossover.
+# Second family: the crossover w_c, the ratio of w_c to the zeros of the controller, and the ratio of the corner
+# frequency of the filter to w_c.
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
 INSIDE = -1e-3  # an approach to the limits ends at this violation, slightly within the limits
 TRIED = 60  # number of candidates whose stability is checked
-STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts, and their least distance
+STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts; least distance between two (see `_apart`)
 NEAREST = 4  # number of candidates from which the limits are approached
 
 
@@ -263,7 +265,7 @@ def feasible_starts(search: Search) -> list[Array]:
 
 
 def _apart(first: Array, other: Array, gains: int) -> bool:
-    """Return True if integral gain, largest gain or filter time of two candidates differ by more than a factor."""
+    """Return True if integral gain, largest gain or filter time of two candidates differ by a factor above 4."""
     differences = np.log([first[0] / other[0], first[:gains].max() / other[:gains].max()])
     return bool(max(np.abs(differences).max(), abs(first[gains] - other[gains])) > START_GAP)
 
@@ -292,7 +294,7 @@ def stabilising(search: Search) -> Iterator[Array]:
 def _ranked(search: Search) -> list[Array]:
     """Return candidates whose loops are stable on a grid of frequencies.
 
-    The candidates nearest to the limits come first. Among equal violations, the fastest candidates come first.
+    They are sorted by rising violation of the limits. Candidates with equal violation are sorted by falling ki.
     """
     problem, constraints = search.problem, search.constraints()
     likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))

@@ -32,7 +32,7 @@ TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus i
 DETOUR = 1.5  # between two points, the path of L is assumed to be at most this number times as long as their distance
 NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
 TINIEST = 1e-300  # a smaller |L| counts as 0
-HUGE = 1e9  # where |L| is larger, a jump of the phase is due to a pole on the axis
+HUGE = 1e9  # where |L| is above this, a jump of the phase is due to a pole on the axis
 MOST_STEPS = 60  # largest number of steps of a refinement
 # The refinement of a crossover ends when a step is shorter than this, relative to the first bracket. The relative error
 # is then about the square of this number, which is below rounding.
@@ -168,7 +168,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
 
 
 def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
-    """Return the frequencies where |L| = 1, ascending, and the frequencies of extrema of |L| near 1."""
+    """Return the frequencies where |L| = 1, ascending, and those at which an extremum of |L| is near 1."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
         _, num, den = at(w)
@@ -210,8 +210,8 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
-    # The bounds assume that the logarithm of a smooth function exceeds the larger of two neighbours by at most their
-    # difference.
+    # The bounds assume that the logarithm of a smooth function exceeds the larger of its values at two neighbouring
+    # points by at most the difference of both values.
     apart = np.fmax(below * np.where(above > 0, below / above, 1.0) - 1, 1 - most_between(below, above))
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
 
@@ -276,7 +276,7 @@ class Axis(ABC):
 
     @cached_property
     def gain_crossings(self) -> tuple[Array, Array]:
-        """Return the frequencies of the gain crossovers, and the frequencies of extrema of |L| near 1."""
+        """Return the gain crossovers, and the frequencies at which an extremum of |L| is near 1."""
         return gain_crossings(self.at, self.on_grid)
 
     @property
@@ -330,7 +330,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies near the fastest gain crossovers. There L comes near -1, since its phase turns quickly."""
+        """Return frequencies near the fastest gain crossovers. There L comes near -1, since L turns quickly."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers

@@ -33,7 +33,7 @@ CLEAR = 10.0  # the grid is extended until |L| has passed this value or its inve
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    Each pole has a speed above 0, which prevents overflow of the products of factors.
+    `speeds` holds the modulus of each pole. A pole at 0 has another value above 0.
     """
 
     gain: float
@@ -43,7 +43,7 @@ class LoopFactors(NamedTuple):
     delay: float
 
     def fraction(self, s: Any) -> tuple[Any, Any]:
-        """Evaluate numerator and denominator of L. To prevent overflow, each factor is divided by |s| + speed."""
+        """Evaluate numerator and denominator of L, both divided by all |s| + speeds, so that no product overflows."""
         flat, few = np.ravel(s), self.zeros.size
         with np.errstate(all="ignore"):
             scale = 1.0 / (np.abs(flat) + self.speeds[:, None])
@@ -146,7 +146,7 @@ class AxisInS(Axis):
         with np.errstate(all="ignore"):
             level = np.log(np.abs(num) / np.abs(den))
             flat = np.abs(level) <= ON_CONTOUR
-            # A pole of L on the contour is a zero of f if a zero of L, or the gain 0, cancels the pole.
+            # At a pole of L on the contour D = 0, so f = N + D is 0 if N = 0 (L has a zero there, or the gain 0).
             off = np.abs(factors.poles.real + contour_slope * factors.poles.imag + contour_shift)
             poles = np.abs(factors.poles[off <= ON_CONTOUR * np.abs(factors.poles)].imag)
             points = np.concatenate([[0.0], edges, touched, w[flat], poles])
@@ -186,7 +186,7 @@ class AxisInS(Axis):
 
 @lru_cache(maxsize=64)
 def axis_in_s(loop: Loop) -> AxisInS:
-    """Return the axis of a continuous loop. The axes of the last loops are cached.
+    """Return a continuous loop as an `AxisInS`. The last results are cached.
 
     Raises
     ------
@@ -198,12 +198,12 @@ def axis_in_s(loop: Loop) -> AxisInS:
 
 
 def unit_axis(loop: Loop) -> AxisInS:
-    """Return the axis of a continuous loop whose gain will be scaled. The given loop may be ill-posed."""
+    """Return a continuous loop, whose gain will be scaled, as an `AxisInS`. The loop may be ill-posed."""
     return from_factors(loop_factors(loop), static_gain(*open_loop(loop)))
 
 
 def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
-    """Return the axis of a continuous loop from its factors."""
+    """Return the `AxisInS` of a continuous loop from its factors."""
     at_infinity = factors.gain if factors.zeros.size == factors.poles.size else 0.0
     w = frequencies(np.concatenate([factors.zeros, factors.poles]), factors.delay)
     num, den = factors.fraction(1j * w)
@@ -222,7 +222,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return frequencies that extend the grid until |L| has crossed 1. Near both ends |L| is a power of w."""
+    """Return frequencies that extend the grid until |L| has crossed 1. At both ends |L| is like a power of w."""
     at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
     at_infinity = factors.poles.size - factors.zeros.size
     parts = []

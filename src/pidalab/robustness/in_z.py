@@ -53,7 +53,8 @@ class SampledPlant(NamedTuple):
     """A process between a hold and a sampler, in coordinates in which the transition matrix is triangular."""
 
     transition: Any  # (n, n), upper triangular
-    inputs: list[tuple[Any, int]]  # effect of an input (n,), and its age in samples
+    # For each piece of a sample interval: effect of the input (n,), and age of this input in samples.
+    inputs: list[tuple[Any, int]]
     output: Any  # (n,)
     direct: float
 
@@ -163,7 +164,7 @@ class AxisInZ(Axis):
                 fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
             else:
                 return None
-        # The characteristic function is real at both ends.
+        # The characteristic function is real at ω = 0 and ω = end. Add the angles from these ends to those of the grid.
         total += float(np.angle(first / first.real)) - float(np.angle(last / last.real))
         return round_to_count(-total / np.pi)
 
@@ -194,7 +195,7 @@ def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
 
 
 def axis_of(loop: Loop) -> Axis:
-    """Return the axis of a loop. With a digital controller, return the axis of the sampled loop.
+    """Return a loop as an `AxisInS`, or as an `AxisInZ` if its controller is digital.
 
     Raises
     ------

@@ -27,13 +27,12 @@ criteria holds, the loop comes to rest from every initial state. The theorem mak
 
 Both criteria are sufficient, not necessary. A loop that does not meet them may still come to rest from every state.
 
-With the pole at 0, :math:`F = E/s`, and the expression tends to :math:`E'(0) + \theta E(0)` for ω to 0, since
-:math:`F_r(0) = 1`. For the controllers of huba2024 this limit is
+With the pole at 0, :math:`F = E/s`, and the real part in the criterion tends to :math:`E'(0) + \theta E(0)` for ω to 0,
+since :math:`F_r(0) = 1`. For the controllers of huba2024 this limit is
 :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative the circle criterion never holds. The
 limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 
-The infimum is computed on the same frequency grid as the margins. The grid is divided for the phase of the dead time
-wherever a value below the smallest known value is possible.
+The infimum is computed on the same frequency grid as the margins.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ from pidalab.roots import border, roots
 # A value counts as lower than `best` if it is below best - NO_LOWER * max(1, |best|).
 NO_LOWER = 1e-10
 GRID_STEPS = 60  # number of grid steps that are divided at a time
-TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger
+TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger than this
 LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, divided by the slowest time of the loop
 BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
 MARGIN_RTOL = 1e-9  # the search for a multiplier ends if the possible relative improvement is smaller
@@ -235,10 +234,9 @@ def popov(loop: Loop) -> Criterion:
 
     Notes
     -----
-    At each frequency, the expression whose infimum is the margin is linear in θ. So each frequency that was found so
-    far gives a line as a function of θ, and the minimum of these lines is an upper bound of the margin. The next
-    infimum is computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches
-    the bound.
+    At each frequency, the expression whose infimum is the margin is linear in θ. So the frequency of each infimum gives
+    a line as a function of θ, and the minimum of all lines is an upper bound of the margin. The next infimum is
+    computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches the bound.
 
     Examples
     --------
@@ -351,7 +349,7 @@ def smallest_filter_time(
 
 
 def ends(part: LinearPart, theta: float) -> tuple[float, float]:
-    """Return the limits of Re[1 + (1 + jωθ) G] at zero and infinite frequency; with dead time the limit inferior."""
+    """Return the limits of Re[1 + (1 + jωθ) G] at ω = 0 and at infinity (with dead time, the limit inferior)."""
     forward = part.forward
     den = forward.den[:-1] if part.integrates else forward.den
     (n1, n0), (d1, d0) = (np.append([0.0, 0.0], p)[-2:] for p in (forward.num, den))
@@ -378,8 +376,8 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
     Notes
     -----
-    `best` is the smallest value so far. The dead time turns only the term (1 + jωθ) F(jω), so its modulus gives a lower
-    bound of the values within each step of the grid. A step is divided only if this bound is below `best`. With a pole
+    `best` is the smallest value so far. The dead time turns only (1 + jωθ) F(jω), whose modulus gives a lower bound of
+    the values within each step of the grid. A step is divided only if this bound is below `best`. With a pole
     of F at 0, the real part of F would be a small difference of large numbers at low frequencies. Therefore F is
     written as E/s: the real part of F is Im E/ω, and E has no such pole.
     """

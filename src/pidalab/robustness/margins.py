@@ -63,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Then only those with \\|L\\| of at least 0.1 are listed. If none of these has \\|L\\| below 1, crossovers with
-        smaller \\|L\\| are included. In an unstable loop, the dead time may turn the phase more than about 300,000
-        times where \\|L\\| is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
+        Of these, only those with \\|L\\| >= 0.1 are listed. If none of them has \\|L\\| < 1, crossovers with smaller
+        \\|L\\| are included. In an unstable loop, the dead time may turn the phase more than about 300,000 times where
+        \\|L\\| is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -164,7 +164,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # With integral action, C S at zero frequency is 1/P. Without integral action, the grid contains the value.
+    # With integral action, C S at zero frequency is 1/P. Without it, the lowest grid point is close to zero frequency.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:

@@ -63,7 +63,7 @@ def unstable_poles(loop: Loop) -> float:
 
 
 def count_unstable(axis: Axis) -> float:
-    """Return the number of unstable poles of a loop that is given by its axis."""
+    """Return the number of unstable poles of a loop that is given as an `Axis`."""
     if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
     slowest = axis.grid[0]

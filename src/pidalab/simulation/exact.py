@@ -42,7 +42,7 @@ from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 # A response is checked if the dead time is longer than this number of time constants of the fastest state, since digits
 # may then cancel. Without dead time, the simulated time is used instead.
 CHECKED_FROM = 3e3
-# A second response is computed with the first of these units of time and u. If the comparison with the first response
+# A response is computed again with the first of these units of time and u. If the comparison with the original response
 # does not decide, the next units are used.
 OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared
@@ -51,9 +51,10 @@ DENSE = 10_000  # before a response is refused, its size is computed at this num
 AGREEMENT = 1e-10
 # If two responses differ by less than this, no third response is needed, since equal errors are unlikely.
 CERTAIN = 1e-12
-# Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times.
+# Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times. A kick
+# is a short, very large signal of a fast state.
 OUTSIDE_KICKS = 1e-6
-KICK_DURATION = 60.0  # a kick lasts this number of time constants of a fast state
+KICK_DURATION = 60.0  # a kick lasts this number of time constants of its fast state
 # Times are rounded to 1e-16 of their value. At times beyond this number of time constants of the fastest state, the
 # rounded time no longer determines the value within a kick.
 KICK_UNRESOLVED = 1e5
@@ -129,8 +130,8 @@ def _require_agreement(
         beside_shown = np.maximum(beside_shown, np.max(difference[:, :, ::finer] / shown, axis=2))
         if not CERTAIN <= uncertain.max() <= AGREEMENT:
             break
-    # The difference may be small compared with values between the requested times, but not with the values at these
-    # times.
+    # The difference may be small compared with values between the requested times, but large compared with the values
+    # at the requested times.
     hidden = uncertain.max() <= AGREEMENT
     share, allowed = (beside_shown, OUTSIDE_KICKS) if hidden else (uncertain, AGREEMENT)
     if share.max() <= allowed:

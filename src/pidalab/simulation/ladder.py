@@ -2,8 +2,9 @@
 
 A *stack* is a row of states at distances of one dead time, with the present state last. The *age* of a state is its
 distance from the present in dead times, and a stack of m ages has m states. A *power* is the matrix exponential of the
-loop, less the unit matrix, for a time of step * 2^p. Powers are elements of the ring in `pidalab.simulation.ring`. The
-*reach* of a power is the number of ages that the power reads.
+loop, minus the unit matrix, for a time of step * 2^p. Here `step` is the time between requested times, p is an integer,
+and ``powers[i]`` has p = low + i. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power
+is the number of ages that the power reads.
 
 Notes
 -----
@@ -12,16 +13,16 @@ only. So the youngest m new states depend on the youngest m + R - 1 old states. 
 its length is the number of ages that the outputs read, plus R - 1 for each power that is still to be applied. No stack
 goes back beyond t = 0, because all earlier states are 0. So this truncation adds no error.
 
-*Error bound.* When one power is applied r times, its reach is not counted r times. The binary digits of r select higher
-powers with the same product, and the length is computed from the reaches of these higher powers. The sum of the reaches
-of these powers is less than r times the first reach, because each power drops its last coefficients when it is formed
-(see `ring.shortened`). A stack of this length lacks only the contribution of the dropped coefficients to its oldest
-states. In the same way, an output ignores the oldest ages if their coefficients are at most `DROPPED` times the largest
-coefficient of this output. The total error, in the balanced units of the states, is at most the product of five
-factors: `DROPPED`, the number of powers, the largest coefficient of a power, the gain of the other powers and the
-largest old state. This bound is far below rounding unless coefficients or states are 1e10 times as large as the
-requested values. In that case rounding errors are larger still, and `checked_responses` detects these errors. It cannot
-detect truncation, since responses in other units are truncated equally.
+*Error bound.* If one power is applied r times, this rule would add R - 1 to the length r times. But the binary digits
+of r select higher powers with the same product, and only the reaches of these powers count. Their sum is less than r R,
+because the last coefficients of each power are dropped (see `ring.shortened`). Only the oldest states of
+the stack are then inexact: they lack the terms of the dropped coefficients. In the same way, an output ignores the
+oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output. In the
+balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of powers, the
+largest coefficient of a power, the gain of the other powers that are applied, and the largest old state. This bound is
+far below rounding unless coefficients or states are 1e10 times as large as the requested values. In that case rounding
+errors are larger still. `checked_responses` detects rounding errors by a second computation in other units. It cannot
+detect truncation, because both computations are truncated equally.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ MAX_STACK = 4000  # largest number of state variables in a stack; a longer stack
 MAX_WORK = 4e9  # largest number of multiplications; this number takes a few seconds
 MAX_ANCHORS = 1e7  # largest number of state variables at all multiples of the dead time together
 LONGEST_RUN = 8  # usually at most 2**8 requested times are read from one stack
-# When a stack is advanced, one Taylor series replaces this number of the lowest powers, since the series is faster. The
-# terms of the series are at most e^4 times the states, so that rounding costs less than two digits.
+# When a stack is advanced, one Taylor series replaces the SERIES lowest powers, because it is faster. The terms of the
+# series are at most e^4 times the states, so that rounding costs less than two digits.
 SERIES = 3
 # Number of multiples of the dead time for which derivatives are stored, in addition to those that a stack reads.
 KEPT_INTERVALS = 64
@@ -96,7 +97,7 @@ def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
 
 
 def _intervals(cut: Cut, n: int, step: float) -> int:
-    """Return the number of multiples of the dead time, from the first, within the n requested times."""
+    """Return the number of multiples of the dead time, without 0, within the n requested times."""
     spanned = (n - 1) * step / cut.delay if cut.delay else 0.0
     if not spanned * cut.x0.shape[0] < MAX_ANCHORS:
         raise ManyDeadTimes(_too_many(spanned))
@@ -105,7 +106,7 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Return an upper bound of the norm of the block Toeplitz matrix, for all ages within the n requested times."""
+    """Return an upper bound of the norm of A(z) (see `pidalab.simulation.exact`), for ages within the n times."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
@@ -280,9 +281,9 @@ def _responses(cut, step, n, intervals, norm):
                     if outputs > 3 and distance + step * (begin + m - first) > cut.settling:
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
-                    # At a multiple of the dead time, u is read just before a jump can act on the fast part. So the
-                    # settled value of u is used. The sum includes all states that the outputs read, except the state at
-                    # t = 0, which is the jump itself.
+                    # At a multiple of the dead time, an arriving jump has not yet acted on the fast filters that are
+                    # kept out of the process (see `realisation`). So the settled value of u is used. The sum includes
+                    # all states that the outputs read, except the state at t = 0, which is the jump itself.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size

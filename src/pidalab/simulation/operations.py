@@ -33,7 +33,7 @@ OPERATION_CODES: dict[type, int] = {
     ast.Or: ADD,  # the operands of "or" in a program are never both true
 }
 FOR_OTHERS = ("at_limit",)  # outputs that no later step reads
-PARSING = threading.Lock()  # Python 3.11 counts the nesting of syntax trees in one counter for all threads
+PARSING = threading.Lock()  # Python 3.11 has one counter of the nesting of syntax trees for all threads
 
 
 class Operations(NamedTuple):
@@ -81,7 +81,7 @@ class _Compiler:
         self.free = self.size = len(names)
 
     def statements(self, body: Sequence[Statement], mask: int | None) -> None:
-        """Add the operations of statements, which take effect where the number at `mask` is not 0."""
+        """Add the operations of statements. A statement takes effect where the number at `mask` is not 0."""
         for statement in body:
             kept = self.free
             if isinstance(statement, Set) and statement.target not in FOR_OTHERS:
@@ -104,8 +104,8 @@ class _Compiler:
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # The last operation may write to the target directly, unless it also reads the target. In that case the
-            # lanes would not be independent.
+            # The last operation may write to the target directly, unless it also reads the target. In that case loops
+            # that run in parallel would not be independent.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])

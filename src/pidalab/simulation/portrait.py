@@ -81,7 +81,7 @@ class Bank(NamedTuple):
         return self.den[0].shape
 
     def part(self, places: Any) -> Bank:
-        """Return the sets at some places in flat order."""
+        """Return the sets at some indices of the flattened grid."""
         values = {name: x.flat[places] for name, x in self.values.items()}
         return Bank(
             self.base, values, *(tuple(x.flat[places] for x in part) for part in (self.num, self.den))
@@ -213,14 +213,14 @@ class Portrait(NamedTuple):
         Total variation of output and control signal. It starts from the state of rest, 0.
     tv1_y, tv1_u : ndarray
         Total variation in excess of one pulse (huba2024, eq. (24)) from 0 to the final value. The final value of y is
-        the set point. That of u is the control signal that holds the set point against the load.
+        the set point. The final value of u holds this set point against the load.
     y_min, y_max, u_min, u_max : ndarray
         Smallest and largest value of all samples and of the state of rest.
     y_end, u_end : ndarray
         Last sample.
     diverged : ndarray of bool
-        True for a loop that overflowed; its measures are infinite. A loop with limits on an integrator may diverge too
-        slowly to overflow. Its measures are large and finite.
+        True for a loop that overflowed; its measures are infinite. A limited loop with an integrating process may
+        diverge too slowly to overflow. Its measures are large and finite.
     """
 
     ie: Array

@@ -265,8 +265,8 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     Notes
     -----
     States are appended in this order: step inputs, process, integral of y, prefilter, slow parts of the controller,
-    fast parts. Each block is driven by the preceding blocks only. Each signal is a row of coefficients of states and
-    delayed signals, and any block that is appended later can read the signal.
+    fast parts. Each signal is a row of coefficients of states and delayed signals, and any block that is appended later
+    can read the signal.
 
     The poles of a fast part of the controller are much faster than all states that drive the part. There are three
     cases:
@@ -346,7 +346,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         settled[0] += u[:size]
         settling = FADED_AWAY / float(np.min(np.abs(fast[0].poles)))
     C, direct_C = rows[:, :size], rows[:, size:]
-    if not loop.delay:  # close the loop at once: W = Cv x + D W
+    if not loop.delay:  # close the loop
         W = np.linalg.solve(np.eye(channels) - D, Cv)
         A, C = A + B @ W, C + direct_C @ W
         B, Cv, D, direct_C = (np.zeros_like(x) for x in (B, Cv, D, direct_C))

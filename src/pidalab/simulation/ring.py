@@ -8,7 +8,7 @@ commute, because each element is a power series of the same matrix.
 
 Notes
 -----
-Elements represent exponentials less 1. The exponential for a slow state is so near 1 that the 1 would cost digits. The
+Elements represent exponentials minus 1. The exponential for a slow state is so near 1 that the 1 would cost digits. The
 product of two elements is :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from the end of an element
 while they are at most `DROPPED` times its largest coefficient. Scaling and squaring follows Higham, *Functions of
 Matrices*, 2008, ch. 10, with a Taylor series for a norm of at most 1/2.
@@ -157,7 +157,7 @@ def shortened(element, share):
 
 @compiled
 def taylor(tau, most, A, B, Cv, D):
-    """Return the exponential less 1 for a time `tau`, by its Taylor series. `tau` times the norm must be at most 1/2.
+    """Return the exponential minus 1 for a time `tau`, by its Taylor series. `tau` times the norm must be at most 1/2.
 
     Notes
     -----
@@ -251,7 +251,7 @@ def product(first, second, most):
 
 @compiled
 def ladder(A, B, Cv, D, norm, step, top, most):
-    """Return the exponentials less 1 for the times step * 2^p, p = low, ..., top, and return `low`.
+    """Return the exponentials minus 1 for the times step * 2^p, p = low, ..., top, and return `low`.
 
     These exponentials are called powers. Their list is empty if they would overflow.
 
@@ -275,7 +275,7 @@ def ladder(A, B, Cv, D, norm, step, top, most):
 
 @compiled
 def transition(powers, step, low, tau, most, A, B, Cv, D):
-    """Return the exponential less 1 for a time `tau`, as a product of powers and one Taylor series.
+    """Return the exponential minus 1 for a time `tau`, as a product of powers and one Taylor series.
 
     Notes
     -----

@@ -65,7 +65,7 @@ def simulate_sampled(
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the
-    difference of filtered set point and measurement, as everywhere in this library. The paper does not say if it also
+    difference of filtered set point and measurement, as everywhere in this library. The paper does not say if Q_n also
     filters the set point. To undo this filtering, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and a
     fast lag that keeps it proper.
 
@@ -289,12 +289,11 @@ def _with_reset(
 
 
 TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # first and largest number of samples of a response to noise
-# The response is long enough if its second half has at most this share of the sum of squares. Later samples are
-# neglected. If the tail decays by the factor e in N samples, the share of these later samples is at most FADED N /
-# TAIL_SAMPLES. The relative error of the gain is at most half of this share: 1e-10 for N of a million, 1e-7 for a
-# thousand million.
+# The response is long enough if the sum of squares of its second half is at most FADED times the whole sum. If it then
+# decays by the factor e in N samples, the neglected later samples add at most FADED * N / TAIL_SAMPLES of this sum. The
+# relative error of the gain is at most half of this number: 1e-10 for N = 1e6, 1e-7 for N = 1e9.
 FADED = 1e-12
-# The response covers at least this number of dead times, since noise comes back to the controller only after the first.
+# The response covers at least this number of dead times, since noise comes back to the controller after one dead time.
 ECHOES = 4
 
 

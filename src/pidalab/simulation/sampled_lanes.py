@@ -52,7 +52,7 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
     At the beginning of sample k, `x` holds the states of all plants at t_k, and `f` the states of the prefilters.
     `past` is a ring buffer with the plant inputs of one dead time, and `slot` is the place of the present input. The
     measures of an interval are computed at its end. They need the values at both ends and the exact integral of y
-    between them, which is the last state of the plant. No response is stored.
+    between them, which is the last state of the plant.
     """
     states = plant.c.size
     # With a set point of 0 at all times, the prefilter stays at rest.
@@ -169,7 +169,7 @@ def _integrate(
     h: float,
     start: float,
 ) -> None:
-    """Add a sample interval to the integrals of the error, which are divided by h, with the parabolas of `Response`."""
+    """Add a sample interval to the integrals of the error, divided by h. The error is a parabola, as in `Response`."""
     # The parabola passes through both ends of the interval and has the exact area. Compute its curvature and mean.
     for i in range(LANES):
         curve[i] = 3.0 * (r - y_old[i] + r - y[i]) - 6.0 * (r - (area[i] - area_old[i]) / h)
@@ -183,7 +183,7 @@ def _integrate(
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         m[ITAE, i] += abs(start * plain[i] + h * (SIXTH * (first + 2.0 * last) - 0.5 * SIXTH * curve[i]))
-    # The integral of e^2 of a parabola has this closed form.
+    # For a parabola e, the integral of e^2 has this closed form.
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         bent = curve[i] * (0.2 * curve[i] - first - last)

@@ -19,8 +19,8 @@ from pidalab.statespace import StateSpace, held, pieces, realise
 class PlantStates(NamedTuple):
     """Two linear systems with the same state.
 
-    System 1 applies while the first state rises towards w. Otherwise system 0 applies. For a linear plant both systems
-    are equal.
+    System 1 applies while the first state rises towards the delayed input w. Otherwise system 0 applies. For a linear
+    plant both systems are equal.
     """
 
     A: Array  # (2, n, n)
@@ -96,7 +96,7 @@ def plant_steps(plant: Process | AsymmetricPlant, h: float, actuator: Actuator) 
 
 
 def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator: Actuator) -> Array:
-    """Return what a pulse of each width adds to the state over a piece. The piece begins `offset` after the pulse."""
+    """Return what a pulse of each width adds to the state over a piece. The pulse begins `offset` before the piece."""
     A, b, widths = states.A[0], states.b[0], actuator.widths
     added = np.zeros((widths + 1, b.size))
     if not widths:
@@ -184,7 +184,7 @@ def filtered(block: StateSpace, signal: Array) -> Array:
 
 @compiled
 def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array, at: int) -> float:
-    """Write the actuator's output plus the load to `v` and `width`. Return the output, which is a mean with pulses."""
+    """Write the plant input to `v`, and the width of a pulse to `width`. Return the mean output of the actuator."""
     if actuator.quantum > 0:
         rounded = actuator.quantum * np.rint(wanted / actuator.quantum)
         u = min(max(rounded, actuator.low), actuator.high)
@@ -235,7 +235,7 @@ def run(
     Notes
     -----
     At the beginning of sample k, `x` is the state of the plant at t_k and `z` is the state of the block. The input that
-    is set at t_k is entry `before + k` of `v` and `width`. The first `before` entries are the rest before t = 0. The
+    is set at t_k is entry `before + k` of `v` and `width`. The first `before` entries belong to times before t = 0. The
     input that acts in a piece is found `lag_samples` entries earlier, so a dead time needs no other memory. In each
     sample the measurement is read, then the controller acts, then exact transitions advance the plant piece by piece.
     """

@@ -33,7 +33,7 @@ def advanced(stack, order, power, keep):
 
 @compiled
 def _reads(rows, outputs, order, wide):
-    """Return the largest coefficient with which each output reads each age, and in the last row the maxima."""
+    """Return size[age, q], the largest coefficient with which output q reads an age. The last row holds the maxima."""
     ages = rows.shape[0] // order
     size = np.zeros((ages + 1, outputs))
     for age in range(ages):
@@ -68,7 +68,7 @@ def _read_ages(size):
 def _longest(size, ages, power, order, most):
     """Bound the number of ages that the outputs read after a product with a power, without computing the product.
 
-    No element of a product exceeds the order times the product of the largest elements of both factors.
+    No element of a product exceeds the order times the largest element of one factor times that of the other.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -90,9 +90,9 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
     Notes
     -----
-    The columns for the first time are the coefficients of the outputs. Before each pass the first `have` columns are
-    complete. The pass multiplies these columns by the next power, which gives the columns for as many later times. It
-    then drops the ages that no output reads.
+    The columns for the first of the times are the coefficients of the outputs. Before each pass `have` columns are
+    complete. The pass multiplies these columns by the next power, which gives the columns for as many later times. The
+    pass then drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
