@@ -1,8 +1,8 @@
-"""Find the optima from which the search of the lab starts, and optima for the test of the lab, in ten minutes.
+"""Find the optima from which the search of the lab starts, and optima for the test of the lab.
 
 For each plant of the lab, book/_static/lab/optima.js contains the PI, PID and PIDA with the least IAE after a step of
 the load, within the limits below. tests/lab/least_iae.csv contains the least IAE for 100 random plants, orders and
-limits.
+limits. The study takes ten minutes.
 """
 
 import csv

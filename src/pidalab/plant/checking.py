@@ -27,12 +27,12 @@ from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
 from pidalab.simulation.exact import simulate
 
-# Largest Ms, and noise gain as a multiple of the present one.
+# For each suggested set of gains: largest Ms, and (noise gain) / (present noise gain).
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
 PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
-CLEARER = 0.8  # a load is real if it reduces the residuals to this ratio or less
-CLEAR_MOVE = 20.0  # standard deviations of the noise by which the output must move
-COLOURED = 3.0  # if more samples share one error, the residuals are not white noise
+CLEARER = 0.8  # a fitted load is used only if (residuals with it) / (residuals without it) is below this
+CLEAR_MOVE = 20.0  # the output must move by this number of standard deviations of the noise
+COLOURED = 3.0  # if `samples_per_error` is at least this, the residuals are not white noise
 EXPLAINED = 0.8  # a doubt is given if the controller explains less than this share of the movement of u
 MOST_STEPPED = 5000  # the controller is run for at most this number of samples
 FED_BACK = 0.05  # a doubt is given if slow disturbances cause at least this share of the variance of u
@@ -79,7 +79,7 @@ class Check:
 
     @cached_property
     def rows(self) -> tuple[DesignRow, ...]:
-        """The running gains, the best gains of their kind with the same Ms and noise gain, and three suggested sets."""
+        """The running gains, the best gains with the same kind, Ms and noise gain, and three suggested sets."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
@@ -103,10 +103,10 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step, in %, over the best gains of the same kind, Ms and noise gain.
+        """100 * (IAE / (IAE of the best gains with the same kind, Ms and noise gain) - 1), for a step of the load.
 
-        Below 0 if the running gains are better than those that the search found. (The search uses no filter faster than
-        the sample.) nan if there are no other gains.
+        It is below 0 if the running gains are better than those that the search found. (The search uses no filter
+        faster than the sample time.) It is nan if the search found no gains.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -154,9 +154,9 @@ def check(
     controller : controller
         The running controller, with integral action and gains in units of u per unit of y.
     output_filter : control.TransferFunction, optional
-        A filter in series, such as that of the measurement.
+        A filter in series with the controller, such as the filter of the measurement.
     sample_time : float, optional
-        Sample time of the controller, above 0. By default that of the log.
+        Sample time of the controller, above 0. By default it is the sample time of the log.
     ms_worst : float, optional
         Limit of Ms for the suggested sets, with any plant that the log does not rule out.
     model : str, optional
@@ -176,8 +176,8 @@ def check(
 
     Notes
     -----
-    In closed loop the controller feeds the noise back to u. White noise does not bias a direct fit of the output error.
-    Slower disturbances pull the model towards -1/C. A doubt says so if they cause much of the movement of u.
+    In closed loop the controller feeds the noise back to u. White noise does not bias the fit from u to y.
+    Slower disturbances pull the model towards -1/C. If they cause much of the movement of u, a doubt says so.
 
     Examples
     --------
@@ -233,15 +233,16 @@ def check(
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
     """Return the share of the movement of u between samples that a controller explains, and the best gain.
 
-    The share is from 0 to 1. It is nan if u rests at most samples, as in open loop. The best gain is the proportional
-    gain of a least-squares fit.
+    The share is from 0 to 1. It is nan if u is constant in most samples, as in open loop. The best gain is the
+    proportional gain of a least-squares fit.
 
     Notes
     -----
-    The controller is run with the logged output. The set point is unknown. While it is constant, it only adds a
-    constant to the changes of the signal from sample to sample. Subtracting the running median removes this constant.
-    What remains of the changes of the signal and of u must agree. Samples with u at its largest or smallest value may
-    be clipped, and are left out. A log may store the u of the previous sample, so both alignments are tried.
+    The controller is run with the logged output and without the set point, which is unknown. While the set point is
+    constant, it only adds a constant to the changes of the computed signal from sample to sample. Subtracting the
+    running median removes this constant. The remaining changes of the computed signal and of u must agree. Samples at
+    the largest or smallest u may be clipped, and are left out. A log may store the u of the previous sample, so both
+    alignments are tried.
     """
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())
@@ -267,7 +268,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
 
 
 def _fitted(record: Record, model: str) -> Fit:
-    """Fit the plant. Include a step of the load if it explains much of the residuals."""
+    """Fit the plant. Include a step of the load if this makes the residuals much smaller."""
     fits: list[Fit] = []
     refusal = None
     for load in (False, True):

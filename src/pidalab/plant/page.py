@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Candidates = Sequence[tuple[DesignRow, Design]]
 
 NEGLIGIBLE_ERROR = 0.005  # a figure ends when the error stays below this share of its largest value
-PLANTS_SHOWN = 8  # number of plants of the spread in the figure
+PLANTS_SHOWN = 8  # largest number of plants, besides the model, in the figure
 CURVE = 500  # number of points of a curve in the figure
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: gain "
@@ -59,7 +59,7 @@ def svg(drawn: Figure) -> str:
 
 
 def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Sequence[Process]) -> Figure:
-    """Draw six panels with the designs on a process. Add the circle of the requested Ms, and curves of other plants."""
+    """Draw six panels for the designs with `process`. Add the circle of the requested Ms, and curves of `plants`."""
     stable = [(row, row.design) for row in rows if row.applies and row.design is not None]
     if not stable:
         raise ValueError("there is nothing to draw: no candidate is stable with the model")

@@ -25,7 +25,7 @@ from pidalab.rules.registry import ORDER
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SAFE = 2.001  # a loop is called safe if its worst Ms is at most this
+SAFE = 2.001  # a design is called safe if its largest Ms with any plant is at most this
 REPORT_HORIZON = 20.0  # length of the first simulated responses, in time scales of the process
 MEASURES = {  # attributes of a row, with their names and meanings
     "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
@@ -62,7 +62,7 @@ class Report:
     rows : tuple of DesignRow
         The candidates with designs, measures and responses.
     plants : tuple of Process
-        Plants within the spread.
+        Further plants that the model allows.
     """
 
     process: Process
@@ -73,7 +73,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the record, the model and the designs. A reservation about designs names their kinds."""
+        """Reservations about the record, the model and the designs. One about some of the designs names their kinds."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
@@ -222,7 +222,7 @@ class Report:
         return page(title, self._repr_html_(), self.plot(), first, last)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Return headings and texts that stand before the figure of the page, and those that are folded after it.
+        """Return two lists of headings and texts: before the figure of the page, and folded after the figure.
 
         Returns
         -------
@@ -272,7 +272,7 @@ def report(
     Returns
     -------
     Report
-        Candidates in the order of `kinds`. If the rule does not provide a kind, its row contains the error message.
+        Candidates in the order of `kinds`. If a kind cannot be tuned, its row contains the error message.
 
     Raises
     ------
@@ -300,7 +300,7 @@ def report(
 
 
 def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
-    """Tune a controller for `plant`, and measure it with `model`. If the rule refuses, the row contains the reason."""
+    """Tune a controller for `plant`, and measure it with `model`. If `tune` raises ValueError, the row says why."""
     try:
         design = tune(plant, kind, **options)
     except ValueError as refusal:

@@ -1,4 +1,4 @@
-"""Make designs that are safe in the real loop, both with the model and with every plant of its uncertainty.
+"""Make designs that are safe in the real loop, both with the model and with the other plants that it allows.
 
 The real loop contains the sample time and the output filter with which the controller will run.
 """
@@ -21,12 +21,12 @@ from pidalab.rules import Design
 from pidalab.simulation.exact import load_iae
 
 PRICE_LIMIT = 3.0  # largest accepted price of robustness, as defined at `make_safe`
-MET = 1e-3  # a limit is met if the result is at most this share below it
-STILL_KEPT = 1e-6  # a limit is kept if the result exceeds it by at most this share
+MET = 1e-3  # an active limit is met if result >= limit * (1 - MET)
+STILL_KEPT = 1e-6  # a limit is kept if result <= limit * (1 + STILL_KEPT)
 MOST_CORRECTIONS = 20  # largest number of corrections of the requested Ms
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # least and largest factor of (requested Ms - 1) in one correction
 
-# Function of the requirements and of a design to start the search from. It returns two things: a design that keeps the
+# Function of the requirements and of a design from which the search starts. It returns a design that keeps the
 # requirements, and the names of the active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
@@ -63,7 +63,7 @@ class LoopEvaluator:
         return Loop(plant, design.controller, filters, design.prefilter)
 
     def _ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms of the sampled loop. If there is none, return Ms of the continuous loop and the reason."""
+        """Return Ms of the sampled loop. If it has none, return Ms of the continuous loop and the reason."""
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:
@@ -103,7 +103,7 @@ def correct_request(
     make : callable
         Function that makes a design for some requirements.
     sizes : callable
-        Function that returns Ms of a design with the model, and its largest Ms with the family.
+        Function that returns two numbers for a design: Ms with the model, and the largest Ms with the other plants.
     limits : Requirements
         Limits of the real loop.
     start : Design, optional
@@ -112,7 +112,7 @@ def correct_request(
     Returns
     -------
     Design
-        A design that meets the limits. If there is none, the last design that keeps the limits.
+        A design that meets the active limits. If there is none, the last design that keeps all limits.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def refusal(limits: Requirements, remedy: str, worst: float, more: str = "") -> 
 def make_safe(
     make: Designer, evaluator: LoopEvaluator, process: Process, limits: Requirements, remedy: str
 ) -> tuple[Design, float]:
-    """Return a design that is safe with all plants of the family, and its price.
+    """Return a design that is safe with all plants of `limits.family`, and its price.
 
     The price is the IAE of the safe design, divided by the IAE of the design for the process alone. An error with the
     remedy is raised if there is no safe design, or if the price is above 3.

@@ -25,13 +25,14 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# For an integrating plant, the largest sample_time / (longest time). After so long only the integrator still moves.
+# For an integrating plant, the largest sample_time / (slowest time constant or dead time). After a sample time of this
+# length only the integrator still moves.
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
-DEFAULT_MKS = 10.0  # default limit of the gain from noise to u, in units of `_gain_needed`
+DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`
 DEFAULT_NOISE_SHARE = 0.01  # default standard deviation of noise in u, as a share of a record's input step
 MOST_MS = 5.0
-PHASE_UNKNOWN = 1e-3  # a smaller phase, in rad, is negligible: no model is so accurate
+PHASE_UNKNOWN = 1e-3  # a phase shift below this, in rad, is negligible, since no model is so accurate
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 PRICE_WARNING = 1.5  # price of robustness in IAE above which a doubt is given
 REMEDIES = (  # remedies for too much uncertainty of a process and of a fit
@@ -46,10 +47,10 @@ def require_sampling(process: Process, sample_time: float) -> None:
     poles, corners = np.abs(roots(process.den)), corner_frequencies(process)
     if not np.isfinite(process.gain()):
         limit = AT_REST / corners.min() if corners.size else math.inf
-        why = f"{AT_REST:g} times its longest time (after which all but the integrator is at rest)"
+        why = f"{AT_REST:g} times its slowest time constant or dead time (after which only the integrator still moves)"
     else:
         limit = float(np.sum(1 / poles)) + process.delay if corners.size else math.inf
-        why = "all its lags and its dead time, after which it has answered by 63 % or more"
+        why = "the sum of its lags and its dead time (after which the response has reached 63 % or more)"
     if sample_time > limit:
         raise ValueError(
             f"sample_time must be at most {limit:.4g} for this process, {why}, found {sample_time:g}"
@@ -100,19 +101,20 @@ def tune(
     spread : float, optional
         Relative error of the model: gain, time scale and dead time are raised and lowered by it. By default a Process
         is not varied. A Fit is varied by its uncertainty, and by 15 % of the gain up or down (`Fit.plants`). Its worst
-        case is the worst of twenty random plants. This is not a bound: a few in a hundred plants are worse.
+        case is the worst of twenty random plants. It is not a bound: a few in a hundred plants are worse.
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, such as the lag of a sensor. The design takes it into account.
     ms_worst : float, optional
-        Largest maximum sensitivity with any plant of the spread, above 1.
+        Largest maximum sensitivity with any plant within the spread, above 1.
 
     Returns
     -------
     Design
         Its `info` has ``iae`` (of a load step, in units of y times time), ``ms`` and ``mks`` (largest gain from noise
-        to u). With a sample time it also has ``ms_sampled``. With a spread it also has ``ms_worst`` (of the sampled
-        loop if there is a sample time), ``iae_worst`` (with the plant that has this Ms) and ``price``: the IAE divided
-        by the IAE of the design without the limit `ms_worst`. ``doubts`` are reservations, ``notes`` are assumptions.
+        to u). With a sample time it also has ``ms_sampled``. If the plant is varied, it also has ``ms_worst`` (of the
+        sampled loop if there is a sample time), ``iae_worst`` (with the plant that has this Ms) and ``price``: the IAE
+        divided by the IAE of the design without the limit `ms_worst`. ``doubts`` are reservations, and ``notes`` are
+        assumptions.
 
     Raises
     ------
@@ -150,12 +152,11 @@ def tune(
         if not 1 / OTHER_UNIT < (share := sample_time / recorded) < OTHER_UNIT:
             doubts.append(doubt("time unit", sample_time=sample_time, share=share, recorded=recorded))
     process = _without_short_delay(process, _fastest(process, rule, noise_gain, sample_time), doubts)
-    # Compute the plants before the search, so that a spread out of range raises an error at once.
+    # Compute the plants before the search, so that a value of `spread` out of range raises an error at once.
     plants = plants_within(model, process, spread)
     if plants and ms > ms_worst:
         raise ValueError(
-            f"ms must be at most ms_worst, {ms_worst:g}, found {ms:g}: with the model, as with any other plant of the "
-            "spread"
+            f"ms must be at most ms_worst, {ms_worst:g}, found {ms:g}: the limit ms_worst applies to the model, too"
         )
     limits = Requirements(ms=ms, family=tuple(plants), ms_worst=ms_worst)
     remedy = REMEDIES[isinstance(model, Fit)]
@@ -247,7 +248,9 @@ def _noise_limits(
 ) -> dict[str, Any]:
     """Return the limits of noise. Add a note if a default is used."""
     if noise_gain is not None and h is None:
-        raise ValueError("sample_time must be given with noise_gain: sampled noise has no size without it")
+        raise ValueError(
+            "sample_time must be given with noise_gain: the noise gain depends on the sample time"
+        )
     if noise_gain is not None:
         return {"noise_gain": noise_gain, "sample_time": h}
     if isinstance(model, Fit) and model.noise > 0 and model.record.steps:
@@ -264,7 +267,7 @@ def _noise_limits(
 
 
 def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
-    """Return a function that searches the least IAE, with `others` as the family."""
+    """Return a function that searches for the least IAE. `others` are the further plants that must be safe."""
 
     def make(request: Requirements, near: Design | None) -> tuple[Design, Any]:
         family = tuple(others) if request.family else ()
@@ -290,7 +293,7 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
     corners = corner_frequencies(plain)
     if rule != "optimal" or noise_gain is not None or not corners.size:
         return math.inf
-    # |T| is at most |P| times the gain from noise to u, so the loop acts only where this product reaches 1.
+    # |T| is |P| times the gain from noise to u. The loop acts only where |P| times the limit of this gain reaches 1.
     w = _grid(corners)
     acts = DEFAULT_MKS * _gain_needed(plain) * np.abs(plain(1j * w)) >= 1
     return math.inf if acts[-1] else float(w[np.flatnonzero(acts).max(initial=0)])
@@ -318,15 +321,15 @@ def _grid(corners: Array) -> Array:
 
 
 def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: list[str]) -> None:
-    """Add a doubt if `kind` has more derivatives than the model has poles. Raise if the record shows missing poles."""
+    """Add a doubt if `kind` has more derivatives than the model has poles. Raise if the record shows further poles."""
     known = len(process.den) - 1
     if known >= ORDER[kind]:
         return
     if isinstance(model, Fit) and model.incomplete:
         raise ValueError(
-            f"the model has {known} pole(s), and a {kind} acts on dynamics beyond them. The record shows that "
+            f"the model has {known} pole(s), and a {kind} also acts on faster dynamics. The record shows that "
             f"there are such dynamics (a model error of {model.model_error:.3g}, noise {model.noise:.3g}) but does not "
-            "identify them: take a lower kind, or step the input several times, further and from rest"
+            "identify them: choose a controller with fewer derivatives, or record several larger steps, each from rest"
         )
     doubts.append(doubt("few poles", known=known, kind=kind))
 
@@ -339,7 +342,7 @@ def _iae_ms_mks(loop: Loop) -> dict[str, float]:
 
 
 def plants_within(model: Process | Fit, process: Process, spread: float | None) -> list[Process]:
-    """Return the plants with which the design must be safe: perturbed by a share, or drawn from a fit."""
+    """Return the plants with which the design must be safe: those of `perturbed_plants`, or random plants of a fit."""
     if spread is None:
         return model.plants(SPREAD + 1)[1:] if isinstance(model, Fit) else []
     share = _check.real("spread", spread, above=0.0)
@@ -349,7 +352,7 @@ def plants_within(model: Process | Fit, process: Process, spread: float | None) 
 
 
 def perturbed_plants(process: Process, share: float) -> list[Process]:
-    """Return the eight plants whose gain, time scale of poles and zeros, and dead time all differ by a share.
+    """Return eight plants. Their gain, dead time, and time scale of poles and zeros each differ by a relative error.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from pidalab.plant.record.cleaning import column
 from pidalab.process import Process, fopdt, ipdt, lags
 from pidalab.robustness.margins import ms_or_infinite
 
-# kp/Ku, ti/Tu and td/Tu
+# Each rule gives kp/Ku, ti/Tu and td/Tu.
 RULES = {
     ("Ziegler-Nichols", "PI"): (0.45, 1 / 1.2, 0.0),
     ("Ziegler-Nichols", "PID"): (0.6, 0.5, 0.125),
@@ -28,8 +28,8 @@ RULES = {
 }
 SHARES = (0.2, 1.0)  # ratios of dead time to lag of the first-order models
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
-SETTLED = 0.05  # relative difference allowed between the last periods
-OFF_PHASE = 10.0  # degrees that the phase may differ from -180
+SETTLED = 0.05  # largest relative difference between the last periods
+OFF_PHASE = 10.0  # a doubt is given if the phase differs from -180 by more degrees than this
 
 
 class Oscillation(NamedTuple):

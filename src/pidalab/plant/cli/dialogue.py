@@ -61,7 +61,7 @@ def main() -> None:
       pidalab benchmark rule.py:tune --out folder              rank a rule of yours on 134 plants
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # the console may lack a character
+        if isinstance(stream, io.TextIOWrapper):  # the console may be unable to show a character
             stream.reconfigure(errors="replace")
 
 

@@ -184,7 +184,7 @@ def _function(path: Path, name: str) -> Callable[[Any], Any]:
 
 
 def _apply(path: Path, name: str, process: Any) -> Any:
-    """Call the function of a file. Each process of the pool loads the file once for itself."""
+    """Call the function of a file. Each process of the pool runs the file once."""
     return _function(path, name)(process)
 
 

@@ -24,7 +24,7 @@ from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
 from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
-FAR = 5  # number of further samples with the measurement far above the set point, and again far below
+FAR = 5  # number of further samples far above the set point, and also of those far below
 DOUBLINGS = 24  # largest number of times that the distance from the set point is doubled
 INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
 INVALID_MEASUREMENT = 1e30  # single precision can represent this value, too
@@ -37,7 +37,7 @@ LONGEST_NAME = 32  # compilers may ignore further characters of a name
 RESERVED = frozenset(
     re.sub("#.*", "", Path(__file__).with_name("reserved.txt").read_text(encoding="utf-8")).split()
 )
-# These match conversions such as REAL_TO_INT, and typed functions such as ADD_REAL.
+# This matches conversions such as REAL_TO_INT, and typed functions such as ADD_REAL.
 FAMILIES = re.compile(
     r"[a-z]+[0-9]*(_bcd)?_to_[a-z0-9_]+|(abs|add|div|eq|expt?|g[et]|l[et]|mul|ne|sub|limit|max|min|mux|sel|move|trunc|"
     r"sqrt|ln|log|a?sin|a?cos|a?tan|and|x?or|not|mod|ct[ud]{1,2})_[a-z]+"
@@ -118,7 +118,7 @@ def head(
     record: str = "",
     date: str = "",
 ) -> list[str]:
-    """Return the lines at the head of the code. Texts from outside lose all unusual characters."""
+    """Return the lines at the head of the code. Unusual characters are removed from the given texts."""
     for name, text in {"note": note, "time_unit": time_unit, "record": record, "date": date}.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, found {type(text).__name__}")
@@ -224,7 +224,7 @@ def as_json(k: Parameters, **about: Any) -> str:
 
 
 def content(k: Parameters) -> dict[str, Any]:
-    """Return the fields of the JSON, which are parameters, coefficients and test vector."""
+    """Return the fields of the JSON: parameters, coefficients and test vector."""
     return {
         "controller": k.source,
         "sample_time": k.sample_time,
@@ -256,8 +256,8 @@ def content(k: Parameters) -> dict[str, Any]:
 def checksum(stored: dict[str, Any]) -> str:
     """Return a checksum of the fields of a JSON. Neither the order of fields nor the format of numbers affects it.
 
-    The checksum does not protect against intent. It finds accidental changes of fields that do not affect the test
-    vector.
+    The checksum does not protect against deliberate changes. It finds accidental changes, also of fields that do not
+    affect the test vector.
     """
     fields = {name: value for name, value in stored.items() if name != "checksum"}
     return hashlib.sha256(canonical(fields).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Read a digital controller from JSON. The file contains data only, and every field is checked."""
+"""Read a digital controller from JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pidalab.digital.filters import FilterChain, Prefilter
 from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP
 from pidalab.plant.code.files import canonical, checksum, content
 
-LONGEST_FILE = 2_000_000  # characters, ten times the length of the longest file that is written
+LONGEST_FILE = 2_000_000  # characters; `json()` writes files of at most a tenth of this length
 # The controller has these fields under the same names.
 SAME = ("sample_time", "method", "anti_windup", "deadband", "feedforward", "tunable")
 ABOUT = {"about", "version", "checksum"}  # these fields do not affect the controller
@@ -38,7 +38,7 @@ def from_json(text: str) -> DigitalController:
     TypeError
         If text is not a str.
     ValueError
-        If the text is not such a file, or if the file was changed.
+        If ``json()`` did not write the text, or if the text was changed.
 
     Examples
     --------

@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 
 FIRST_TRIED, THEN = ("fopdt", "lags", "sopdt", "ipdt"), ("ifopdt", "sopdtz")
 MODELS = (*FIRST_TRIED, *THEN, "auto")
-SURPLUS = 1.1  # more models are tried if residuals / noise is above this
+SURPLUS = 1.1  # further models are tried if residuals / noise is above this
 WORKING_POINT = 0.15  # relative change of the gain away from the working point of the record
 HIGHER = 0.75  # share of the plants whose gain is raised
-UNSETTLED = 1.05  # an identifiable model may have residuals up to this multiple of `near` of the best model
+# A record is refused if (residuals of the best identifiable model) / (`FitResult.near` of the best model) is above
+# this.
+UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
-MOST_UNEXPLAINED = 0.5  # largest model error, as a share of the movement of the output
-TRIMMED = 0.95  # share of the random plants that are kept: the likeliest
+MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
+TRIMMED = 0.95  # share of the random plants that are kept; the least likely are left out
 ALONE = "step the input by itself, from rest, with nothing else moving the output"
 
 
@@ -54,8 +56,8 @@ class Fit:
         Kind of the model: "fopdt", "sopdt", "lags", "ipdt", "ifopdt" or "sopdtz".
     parameters, uncertainty : mapping of str to float
         Values and their standard uncertainties. The uncertainties follow from the sensitivities of the output and from
-        the size and correlation of the residuals. In closed loop they are multiplied by a factor of 1.3 (white
-        residuals) or 7.
+        the size and correlation of the residuals. In closed loop they are multiplied by 1.3 if the residuals are white
+        noise, and by 7 otherwise.
     residuals : ndarray, shape (n,)
         Recorded minus simulated output, at the times of the record or, for a long record, at averaged times.
     deviation : float
@@ -87,11 +89,11 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return random plants that the record does not rule out.
 
-        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Two others
-        have a further lag: the longest lag that raises the residuals by at most 3 %, or a medium lag. In a record such
-        a lag resembles a short dead time, but it acts differently in a loop. If the fitted model has equal lags, models
-        of two unequal lags and a further lag are also used. Around each model, the least likely 5 % of the plants are
-        left out.
+        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Up to
+        two others have a further lag. In one of them it is the longest lag that raises the residuals by at most 3 %, in
+        the other it is a medium lag. In a record such a lag resembles a short dead time, but it acts differently in a
+        loop. If the fitted model has equal lags, models with two unequal lags are used too, each with such a further
+        lag. Around each model, the least likely 5 % of the plants are left out.
 
         A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
         by a random part of the interval between the samples before and after a change. (An input that moves at every
@@ -135,7 +137,8 @@ class Fit:
             for draw in draws:
                 turn = len(plants) % len(models)
                 shape, centre = models[turn]
-                if centre.size > draw.size:  # draws for equal lags have no damping, which unequal lags need
+                # A draw for equal lags has no entry for the damping, so the damping of the model is kept.
+                if centre.size > draw.size:
                     draw = np.insert(draw, draw.size - 1, 0.0)
                 drawn = centre * np.exp(np.clip(draw, -2.0, 2.0))
                 drawn[-1] = centre[-1] + draw[-1] * scale[-1]
@@ -147,11 +150,11 @@ class Fit:
         return plants
 
     def plants(self, count: int = 21) -> list[Process]:
-        """Return the model and random plants that the record does not rule out, as a family for a design.
+        """Return the model and random plants that the record does not rule out, for a robust design.
 
         The plants are those of `spread`. The gain of most plants is raised by 15 %, and the gain of the others is
-        lowered by 15 %. This is because a record shows the gain at one working point only, and because a sticking valve
-        moves less than it should.
+        lowered by 15 %. A record shows the gain at one working point only, and a sticking valve moves less than it
+        should.
 
         Parameters
         ----------
@@ -198,7 +201,8 @@ class Fit:
         """NRMSE of the hold-out data, predicted by a model that was fitted to the other data.
 
         The hold-out data are the last third of the record. If the input does not move in this third, the hold-out data
-        begin at its last change. nan if the input moves only once, or if the output hardly moves in the hold-out data.
+        begin at the last change of the input. The result is nan if the input moves only once, or if the output hardly
+        moves in the hold-out data.
         """
         data = self._data
         level = np.cumsum(data.changes)
@@ -232,7 +236,7 @@ class Fit:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the model. `record` has its own."""
+        """Reservations about the model. Those about the record are in `record.doubts`."""
         doubts = []
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
@@ -311,8 +315,8 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz"}, optional
         "fopdt" has one lag, "sopdt" two poles with damping, "lags" up to eight equal lags, "ipdt" an integrator,
         "ifopdt" an integrator with a lag, "sopdtz" two poles with a zero. Every model has a dead time. "auto" chooses
-        the simplest identifiable model whose residuals are at most 3 % above the least. It tries "ifopdt" and "sopdtz"
-        only if no load is fitted and the residuals of the other models exceed the noise.
+        the simplest identifiable model whose residuals are at most 3 % above those of the best model. It tries "ifopdt"
+        and "sopdtz" only if no load is fitted and the residuals of the other models exceed the noise.
     load : bool, optional
         True to fit also the size and time of a step of the load. This allows records of a loop at a constant set point.
 
@@ -362,8 +366,9 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     if not tried:
         raise ValueError(f"{failed}; step the input further, from rest")
     first = min(tried, key=lambda candidate: candidate.cost)
+    # Many models and times of the load were tried, so the best fit explains some noise by chance. Require more of it.
     if load and unexplained(data, first):
-        raise ValueError(DRIFTS)  # with so many load times and models, a fit explains some noise by chance
+        raise ValueError(DRIFTS)
     settled = [candidate for candidate in tried if not unsettled(data, candidate)]
     settled.sort(key=lambda candidate: candidate.cost)
     if not settled or settled[0].deviation > UNSETTLED * first.near:
@@ -391,7 +396,7 @@ def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> boo
 
 
 def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[FitResult, str]:
-    """Return the simplest candidate whose residuals are close to those of the best, `settled[0]`, and the reason."""
+    """Choose the simplest candidate with residuals up to `settled[0].near`. Return it and the reason as a sentence."""
     near = [candidate for candidate in settled if candidate.deviation <= settled[0].near]
     chosen = min(near, key=lambda candidate: (candidate.values.size, candidate.cost))
     least: dict[str, float] = {}
@@ -419,8 +424,8 @@ def _result(record: Record, data: FitData, result: FitResult, reason: str) -> Fi
         raise ValueError(refusal)
     if result.deviation**2 - noise**2 > (MOST_UNEXPLAINED * float(np.std(data.y))) ** 2:
         raise ValueError(
-            f"{result.shape.name} does not describe this plant: its residuals are {result.deviation:.3g}, where the "
-            f"output moves by {np.std(data.y):.3g} (standard deviations) and the noise is {noise:.3g}; {ALONE}"
+            f"{result.shape.name} does not describe this plant: the standard deviation is {result.deviation:.3g} for "
+            f"its residuals, {np.std(data.y):.3g} for the output and {noise:.3g} for the noise; {ALONE}"
         )
     fitted = Fit(
         process=process,

@@ -23,7 +23,7 @@ TABLE = 4001  # number of times at which the response of a model with a further 
 
 @dataclass(frozen=True)
 class Shape:
-    """A model of static gain 1 without dead time.
+    """A model of gain 1 without dead time.
 
     Attributes
     ----------
@@ -47,11 +47,11 @@ class Shape:
 
 
 def _second_order(t: Array, p: Sequence[float]) -> Array:
-    """Return the response of (zero s + 1)/(tau² s² + 2 damping tau s + 1)."""
+    """Return the unit step response of (zero s + 1)/(tau² s² + 2 damping tau s + 1)."""
     tau, damping, zero = (*p, 0.0)[:3]
     x = np.maximum(t, 0.0) / tau
     apart = damping**2 - 1.0
-    # `half` is half the distance of the poles, imaginary for an oscillation. Replace a double pole by two close poles.
+    # `half` is half the distance between the poles, imaginary if they are complex. Separate a double pole slightly.
     half = np.emath.sqrt(apart) if abs(apart) > 1e-10 else 1e-5
     slow = damping - half
     late, early = np.exp(-slow * x), np.exp(-(damping + half) * x)
@@ -124,18 +124,18 @@ SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 # A record with more changes of the input than this is resampled to a uniform grid. In other records each change is
 # simulated by itself.
 MOST_CHANGES = 60
-MOST_SAMPLES = 4000  # samples of a fit; in a longer record neighbouring samples are averaged
+MOST_SAMPLES = 4000  # in a longer record, neighbouring samples are averaged
 SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
-BETTER = 0.03  # a model with one more parameter must lower the residual by this share
-NONE = 1e-3  # a dead time shorter than this share of a sample is set to 0
-LEVEL = 1  # index of the output's level among the parameters
+BETTER = 0.03  # a model with more parameters must lower the residuals by this share
+NONE = 1e-3  # a dead time shorter than this share of a sampling interval is set to 0
+LEVEL = 1  # index in `FitResult.values` of the level, a constant that is added to the output
 DESCENTS = 6  # number of descents from different starts; the best of them is refined
-# Relative changes at which a search ends: SKETCHED for the descents, FINISHED for the refinement of the best one.
+# A search ends when relative changes are below this: SKETCHED for the descents, FINISHED to refine the best of them.
 SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
 LOADS = 46  # number of times at which a step of the load is tried
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags to try, as shares of the sum of all times
-# A descent starts from these values, which are functions of the response time of the plant.
+# Start values of the parameters of a shape, as functions of the response time of the plant.
 STARTS: dict[str, Callable[[float], list[list[float]]]] = {
     "ipdt": lambda time: [],
     "lags": lambda time: [[time / 3]],
@@ -158,7 +158,7 @@ class FitData(NamedTuple):
 
     @property
     def loaded(self) -> bool:
-        """True if a step of the load also moved the output."""
+        """True if the fit includes a step of the load."""
         return not np.isnan(self.load)
 
     def simulated(self, shape: Shape, p: Sequence[float], delay: float) -> Array:
@@ -174,7 +174,7 @@ class FitData(NamedTuple):
         return shape.step(elapsed.ravel(), p).reshape(elapsed.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
-        """Return the columns of the linear parameters: gain, level, a free initial state and its slope, and a load."""
+        """Return the columns of the linear parameters: gain, level, free initial state (1 or 2 columns) and load."""
         columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])
@@ -209,7 +209,7 @@ def prepared(record: Record) -> FitData:
     unseen = float(np.mean(intervals[changed]))
     moments, changes = t[changed], moved[changed]
     if t.size > MOST_SAMPLES:
-        # Average neighbours. This reduces noise, and the response hardly bends within so short a time.
+        # Average neighbours. This reduces noise, and the response is almost straight within so short a time.
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
     return FitData(t, y, changes, moments, unseen, 0.0, free)
@@ -237,12 +237,12 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Root mean square that the residuals of an equally good model may have."""
+        """Largest root mean square of the residuals of a model that counts as equally good."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
 def tried_models(data: FitData, models: Sequence[str]) -> tuple[list[FitResult], str]:
-    """Fit each model. Return the results, and the reason of the last failure."""
+    """Fit each model. Return the results, and the message of the last failure."""
     tried, failed = [], ""
     for shape in (shape for model in models for shape in SHAPES[model]):
         try:
@@ -315,7 +315,7 @@ def refined(
         lambda x: projected(placed(x), shape, times(x))[0], x, bounds=(low, high), **options
     )
     p, data = times(solution.x), placed(solution.x)
-    # A search for a dead time of 0 ends just above 0. No record shows so short a dead time, so set it to 0.
+    # If the best dead time is 0, the search ends just above 0. No record shows so short a dead time, so set it to 0.
     p[-1] = p[-1] if p[-1] > NONE * float(np.median(np.diff(data.t))) else 0.0
     residuals, linear = projected(data, shape, p)
     jacobian = _sensitivity(data, shape, linear, p)
@@ -352,9 +352,10 @@ def loaded(data: FitData) -> FitData:
 
 
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return two models with one more lag that the record does not rule out: the longest such lag and a medium lag.
+    """Return up to two models with a further lag that the record does not rule out: the longest lag and a medium lag.
 
-    If the model has equal lags, models with unequal lags are returned too, since their responses are almost the same.
+    If the fitted model has equal lags, `SECOND_ORDER` with such a further lag is returned too, since its response is
+    almost the same.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)
@@ -364,13 +365,13 @@ def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
 
 
 def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
-    """Return the model with the longest further lag that still fits, and the model with a medium lag."""
+    """Return the model with a medium further lag, and the model with the longest further lag that still fits."""
     *times, delay = result.values[2:].tolist()
-    # Include one sample, since an integrator without dead time can hide a lag of one sample.
+    # `whole` is at least one sample, since a model of an integrator without dead time can hide a lag of one sample.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
-        # Start with a dead time that is shorter by the further lag.
+        # Start with a dead time that is shorter than `delay` by the further lag.
         rival = refined(data, behind_lag(result.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))

@@ -11,16 +11,18 @@ from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, F
 from pidalab.plant.record import Record
 from pidalab.plant.record.cleaning import FEWEST, FOLLOWER, MANY_LEVELS, MOVING
 
-BLIND = 1e7  # parameters are not identifiable if the scaled sensitivities have a larger condition number
+BLIND = (
+    1e7  # parameters are not identifiable if the condition number of the scaled sensitivities is above this
+)
 SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this number of standard uncertainties
 # A model must explain this share of the output's variance. Otherwise most of the movement has other causes, and the
 # noise may hide a response of opposite sign.
 EXPLAINED = 0.5
-FED_BACK = 0.3  # u follows y if `_agreement` of their changes is at least this
-COLOURED = 1.5  # if more samples share one error, the residuals are not white noise
+FED_BACK = 0.3  # feedback is assumed if `_agreement` of the changes of u and y is at least this
+COLOURED = 1.5  # if `samples_per_error` is above this, the residuals are not white noise
 CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties for coloured and for white residuals
-CHANCE = 0.003  # accepted probability of taking a drift for a response, or chance for feedback
-OPPOSED = 0.8  # feedback is assumed if the signs of the changes of u and of the residuals agree or disagree this much
+CHANCE = 0.003  # accepted probability that a drift is mistaken for a response, or chance for feedback
+OPPOSED = 0.8  # like FED_BACK, but for the changes of u and of the residuals
 
 DRIFTS = (
     "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
@@ -48,7 +50,7 @@ def drifts(data: FitData) -> bool:
 
 
 def unsettled(data: FitData, result: FitResult) -> str:
-    """Return why a model is not identifiable and which experiment would help, or an empty text if it is."""
+    """Return why a model is not identifiable and which experiment would help. Return an empty text if it is."""
     shape, values, J = result.shape, result.values, result.jacobian
     if values[0] == 0 or not np.all(np.isfinite(values)):
         return "the output does not answer to the input: no gain can be found"
@@ -115,12 +117,12 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
 
     Notes
     -----
-    A controller feeds disturbances back to u. White noise does not bias a fit from u to y. Slower disturbances bias it
-    by an amount that the record does not show. The factors were calibrated with simulated loops of random first-order
-    plants, as in the tests. The gain has the largest errors. Its error divided by 1.96 standard uncertainties has the
-    95 % quantile 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load. The factors are these
-    numbers, rounded up. In loops with other random numbers at least 90 % of the stated intervals contained each
-    parameter.
+    A controller feeds disturbances back to u. White noise does not bias a fit from u to y. Slower disturbances bias
+    the fit by an amount that the record does not show. The factors were calibrated with simulated loops of random
+    first-order plants, as in the tests. The gain has the largest errors. Its error divided by 1.96 standard
+    uncertainties has the 95 % quantile 1.22 in 99 loops with white noise, and 6.8 in 114 loops with a wandering load.
+    The factors are these numbers, rounded up. In loops with other random numbers, at least 90 % of the stated intervals
+    contained each parameter.
     """
     # Noise passes from y to u within a sample. Compare only signs, so that a set-point step counts as one sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))

@@ -1,4 +1,4 @@
-"""Store a record of a plant, and find its steps, state of rest, noise and doubts."""
+"""Store a record of a plant. Find its steps, state of rest, noise and *doubts*, which are reservations about it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pidalab.plant.record.reading import read_columns
 
 LONG_INTERVAL = 5.0  # a sampling interval longer than this number of median intervals is a gap
 FEW_LEVELS = 20  # a doubt is given if y has at most this number of levels
-LONG = 0.1  # a doubt is given if a moving input has its largest or smallest value for a longer share of the record
+LONG = 0.1  # a doubt is given if a moving input is at its largest or smallest value for more than this share of time
 SAME_PERIOD = 0.01  # the sampling interval of a file may differ from `period` by this share
 TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
 RAMP_SAMPLES = 5  # a doubt is given if the input takes more samples than this to change between two levels
@@ -35,7 +35,8 @@ class Noise(NamedTuple):
     correlation : float
         Correlation of neighbouring samples. It is 0 for white noise and near 1 for a slow disturbance.
     samples : int
-        Number of samples at rest. It is 0 if the deviation comes from second differences instead.
+        Number of samples before the first change of the input, or 0 if there are fewer than 8. The deviation then comes
+        from second differences of all samples.
     """
 
     deviation: float
@@ -59,7 +60,7 @@ class Record:
     y : array_like, shape (n,)
         Measured output.
     u_before : float, optional
-        Input at which the plant was at rest before the record. Give it if the record begins with its step. By default
+        Input at which the plant was at rest before the record. Give it if the record begins with the step. By default
         it is the input of the first row, even if a second row has the same time.
     outliers : {"drop", "keep"}, optional
         Treatment of outputs that are far from their neighbours, or that stand still to the last digit after they moved
@@ -209,8 +210,8 @@ class Record:
         Raises
         ------
         ValueError
-            If a column is missing, if two roles share a column, or if an entry is not a number. The message names the
-            row.
+            If a column is missing, if time, u and y are not different columns, or if an entry is not a number. The
+            message names the row.
 
         Examples
         --------
@@ -277,7 +278,7 @@ class Record:
         return self.steps[0]
 
     def uniform(self) -> tuple[Array, Array, Array]:
-        """Return times, input and output on a uniform grid on which the first change of the input lies.
+        """Return times, input and output on a uniform grid that contains the time of the first change of the input.
 
         Returns
         -------

@@ -15,7 +15,8 @@ from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
 FEWEST = 20  # least number of samples for a conclusion
-# A counter may restart between two samples that are at most this number of median intervals apart.
+# The time may be a counter that restarts, such as the seconds of a minute. At a restart, two samples are at most this
+# number of median intervals apart.
 LONGEST_WRAP = 10
 # If the time goes back by more than this number of median intervals, a new run may begin. Smaller steps back mean only
 # that the samples are not in order.
@@ -28,7 +29,8 @@ STILL, STILL_SHARE = 15, 0.05
 BEFORE, JUST_BEFORE = 10, 3
 # If (movement in the last 3 samples) / (movement in the last 10) is at most this, the plant itself came to rest.
 SLOWED = 0.1
-# The movement in the last 10 samples must exceed MANY_STEPS rounding steps and LITTLE times the span of the output.
+# A standstill is reported only if the movement in the last 10 samples before it exceeds both MANY_STEPS rounding steps
+# and LITTLE times the span of the output.
 MANY_STEPS, LITTLE = 2.5, 0.005
 # An input is a clock if it differs from a straight line in time by less than STRAIGHT times its span. It is a copy of
 # the output if it differs from a linear function of the output by less than COPY times its span.
@@ -90,7 +92,8 @@ def cleaned(
 def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
     """Return times by which the samples can be sorted.
 
-    If the time is a counter that restarts, it is continued. If the record contains several runs, an error is raised.
+    If the time is a counter that restarts, it is continued. An error is raised if the record contains several runs or
+    `t` is not a time axis.
     """
     steps = np.diff(t)
     back = steps < 0
@@ -135,7 +138,7 @@ def run_starts(t: Array) -> list[int]:
 
 
 def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
-    """Raise if the input is a copy of the output, or if it is a clock or counter and no ramp was declared."""
+    """Raise if the input is a copy of the output, or if it is a clock or counter and `ramp` is false."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
     remedy = "name the column of the plant's input (--u); without the input no model can be fitted"
@@ -171,9 +174,9 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    A sensor at the end of its range gives an output that stands still to the last digit. So does a lost sensor in a
-    log. In contrast, the output of a plant that comes to rest slows down first, and a rounded output stands still
-    between rounding steps. These two are not returned.
+    A sensor at the end of its range gives an output that stands still to the last digit. If a sensor is lost, many
+    loggers repeat its last value, with the same effect. In contrast, the output of a plant that comes to rest slows
+    down first, and a rounded output stands still between rounding steps. Intervals of these two kinds are not returned.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -187,7 +190,8 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        # Near the turn of a slow oscillation a rounded output moves by single steps, with several equal values between.
+        # Near a maximum or minimum of a slow oscillation, a rounded output changes by one rounding step at a time and
+        # keeps each value for several samples. Such an interval is not reported.
         crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
         enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
         if way > enough and last > SLOWED * way and not crept:
@@ -210,7 +214,10 @@ def outlier_note(y: Array, where: Sequence[str]) -> str:
 
 
 def drop_outliers(y: Array, where: Sequence[str]) -> list[str]:
-    """Replace outputs that are probably errors of the sensor by NaN. Return a list with the doubt that names them."""
+    """Replace outputs that are probably errors of the sensor by NaN.
+
+    Return a list with one doubt (a reservation about the record) that names these outputs, or an empty list.
+    """
     note, still = outlier_note(y, where), standing_still(y)
     y[far_off(y)] = np.nan
     for first, last in still:
@@ -227,7 +234,7 @@ def _first_few(entries: Sequence[str]) -> str:
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
 MANY = 12  # if u, rounded to a hundredth of its span, has at least this number of levels, it has no separate steps
-FOLLOWS = 0.98  # an input follows the output if the output explains a larger share of the input's variance
+FOLLOWS = 0.98  # an input follows the output if the output explains more than this share of the variance of the input
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
@@ -256,7 +263,7 @@ def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [  # samples a to b are one level, unless the input slowly moves by more than `CREEP`
+    runs = [  # samples a to b are one level, unless u slowly moves by more than CREEP * span
         (a, b)
         for a, b in edges.reshape(-1, 2)
         if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span

@@ -44,7 +44,7 @@ SAMPLE = 50  # lines from which the format is detected, and largest number of co
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # largest number of characters in a row, and of columns
 
 
-PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if no name is given and the header has no such name
+PLACES = {"time": 0, "u": 1, "y": 2}  # columns if no name is given and none is named like this in the header
 
 
 class Columns(NamedTuple):
@@ -245,7 +245,7 @@ def _header(
 ) -> tuple[list[str], int]:
     """Return the names of the columns, and the index of the first row of data."""
     last = [row for row in rows if any(row)][-SAMPLE:]
-    columns = []  # ignore entries that are blank in every row
+    columns = []  # columns of numbers; columns that are blank in every row are ignored
     for k in range(max(map(len, last))):
         entries = [row[k] for row in last if k < len(row) and row[k]]
         if 2 * sum(map(is_value, entries)) > max(len(entries), 1):
@@ -285,7 +285,7 @@ def _place(role: str, name: str | int | None, header: Sequence[str], path: Path)
 
 
 def _places(name: str, header: Sequence[str]) -> list[int]:
-    """Return the columns with exactly this name. If there are none, return those with this name before a unit."""
+    """Return the columns with exactly this name. If there are none, return those with this name and a unit."""
     bare_names = [re.split(r"[\[(]", known)[0].strip().lower() for known in header]
     exact = [k for k, known in enumerate(header) if known == name]
     return exact or [k for k, known in enumerate(bare_names) if known == name.lower()]
@@ -302,7 +302,7 @@ def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
 def _clock(
     entries: Sequence[str], column: tuple[Array, Array], title: str, doubts: list[str]
 ) -> tuple[tuple[Array, Array], str, str]:
-    """Convert numbers or dates to times. Return the times, their unit, and the date of the first."""
+    """Convert numbers or dates to times. Return the times, their unit, and the date of the first time."""
     times, wrong = column
     if 2 * wrong.sum() > wrong.size:
         return _stamps(entries, column, doubts)
@@ -328,7 +328,8 @@ def _stamps(
     """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
 
     Several formats are tried. The format that reads the most entries is used. If several formats read equally many, the
-    one with the smallest span of time is used. If the record runs past midnight, this is the right format.
+    one with the smallest span of time is used. If day and month could be exchanged and the record runs past midnight,
+    this format is the right one.
     """
     import pandas as pd
 
