@@ -85,7 +85,7 @@ class Judge:
         )
 
     def peaks(self, z: np.ndarray) -> np.ndarray:
-        """Return the peaks of |S| and |C S| divided by their limits, or 2 if an unstable loop keeps the limits."""
+        """Return the peaks of |S| and |C S| divided by their limits, or 2 for an unstable loop within both limits."""
         self.asked += 1
         loop = self.loop(z)
         sensitivity = loop.S(self.s)

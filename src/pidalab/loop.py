@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # python-control is imported only for a frequency response.
     import control
 
 FREQUENCIES = 1000  # frequencies of a frequency response, before those for the dead time are added
-# The phase of the dead time may turn by this angle in rad between two frequencies, and in total.
+# Largest change of the phase by the dead time, in rad: between two frequencies, and in total.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")

@@ -122,8 +122,9 @@ class Signals:
         -----
         Grids are compared in succession: every second sample, all samples, and finer grids. Two grids agree if the
         measure differs by at most `SAME_SHARE`. If the samples resolve the fastest pole, one agreement is enough for an
-        integral, and for an extreme if `missed` is small. A time needs three. If the samples do not resolve the pole,
-        an integral needs two, since two grids can agree by chance. Other measures then need a finer grid.
+        integral, and for an extreme if `missed` is small. A measure that is a time needs three. If the samples do not
+        resolve the pole, an integral needs two, since two grids can agree by chance. Other measures then need a finer
+        grid.
         If the first finer grid agrees, the value of the record itself is returned.
         """
         value = measure(self)

@@ -12,7 +12,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.roots import roots
 
-# A dead time is a multiple of the sample time h if it differs from that multiple by less than this share of h.
+# A dead time that differs from a multiple of the sample time h by less than this share of h counts as the multiple.
 ALIGNED = 1e-9
 # Poles, in order of modulus, are split into parts where the modulus rises by more than this factor.
 APART = 10.0
