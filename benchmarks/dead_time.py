@@ -2,7 +2,7 @@
 
 Four loops of huba2018 are used, from stable and stiff to unstable, and every method has several settings. The results
 are written to book/data/engine_comparison.csv. Times are CPU times of one thread. They vary between machines, so
-compare the ratios. The set-up is not included, such as the compilation for JiTCDDE.
+compare the ratios. Set-up, such as the compilation for JiTCDDE, is not included.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def cases() -> dict[str, dict]:
 
 
 def with_ratios(rows: list[dict]) -> list[dict]:
-    """Add the ratio of each time to that of the first row, which is pidalab's."""
+    """Add each time divided by the time of pidalab, the first row."""
     own = rows[0]["seconds"]
     return [row | {"ratio": row["seconds"] / own if row["seconds"] else ""} for row in rows]
 

@@ -151,7 +151,7 @@ def machine() -> str:
 
 
 def write(name: str, columns: Iterable[str], rows: Iterable[dict]) -> None:
-    """Write a table that the book reads, with three digits for each number and the machine in a comment above it."""
+    """Write a table that the book reads, with three digits for each number. A comment at its top names the machine."""
     with (DATA / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         file.write(f"# Made by `make bench` with {machine()}\n")
         writer = csv.DictWriter(file, columns, lineterminator="\n")

@@ -157,7 +157,7 @@ def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Arr
 def _march(
     equation: DelayEquation, R: Array, shares: Array, constant: Array, each: int, points: int
 ) -> Array:
-    """Take all steps x -> R x + shares of the delayed values at start, middle and end + constant. Return y."""
+    """Take all steps x -> R x + shares.T @ (delayed values at start, middle and end) + constant. Return y."""
     A, b, e, c_v, c_y, delay = equation
     slope = (c_v @ A, c_v @ b, c_v @ e)  # slope of v, for the interpolant
     return march(R, shares, constant, c_v, c_y, slope, delay / each, each, points)
@@ -197,10 +197,10 @@ def jitcdde(
 ) -> Task:
     """Return the task of JiTCDDE, compiled, with adaptive Bogacki–Shampine steps and cubic Hermite interpolation.
 
-    A step of the set point causes kinks that travel round the loop. The manual of JiTCDDE offers several ways to handle
-    them, of which two are used here. `adjust_diff` corrects the first derivative (during so short a time that nothing
-    else changes). `step_on_discontinuities` puts a step on the first dead time, up to which y is 0. Without `output`
-    only the last value is requested. This saves most of the time with 10,001 points at low accuracy.
+    A step of the set point causes kinks that travel round the loop. Two functions of JiTCDDE handle them.
+    `adjust_diff` corrects the first derivative (during so short a time that nothing else changes).
+    `step_on_discontinuities` puts a step on the first dead time, up to which y is 0. Without `output` only the last
+    value is requested. This saves most of the time with 10,001 points at low accuracy.
     """
     from jitcdde import jitcdde, t, y
 

@@ -1,9 +1,9 @@
-"""Compare a portrait of 10,000 loops with 60,000 samples each with a loop over single simulations by python-control.
+"""Compare a portrait (10,000 loops, 60,000 samples each) with single simulations by python-control.
 
-The loops are those near huba2024, eq. (25). They are load steps on an integrator with dead time, T_s = 0.001, as in the
-paper's Fig. 3. The table contains elapsed and CPU times of the portrait on all processors, and with one and two
-workers. python-control integrates a few of the same sets one after the other, in continuous time with a Padé
-approximation of the dead time. Its time for all sets is extrapolated. The results are written to
+The controllers are near that of huba2024, eq. (25). The responses are load steps on an integrator with dead time,
+T_s = 0.001, as in the paper's Fig. 3. The table contains elapsed and CPU times of the portrait on all processors, and
+with one and two workers. python-control integrates a few of these loops one after the other, in continuous time with a
+Padé approximation of the dead time. Its time for all loops is extrapolated. The results are written to
 book/data/portrait_comparison.csv.
 """
 

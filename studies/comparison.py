@@ -1,5 +1,7 @@
 """Evaluate every rule of the library on the 134 processes of Åström and Hägglund, as published and at equal terms.
 
+Equal terms are equal limits of Ms and noise.
+
 The study writes three tables of the package, which `pidalab.benchmark` also reads. Each is resumed where it stopped:
 
 * ``processes.csv``: the plants and those of the frontier, with ultimate gain and period, normalised dead time and
@@ -101,7 +103,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
 def off_the_model(
     row: dict[str, Any], make: Callable[[], Design], process: Process, own: NoiseScale
 ) -> dict[str, Any]:
-    """Return the worst values over changed plants, as published and with loud noise."""
+    """Return the worst values over changed plants, but none for the terms "quiet"."""
     if "ms" not in row or row["terms"] == "quiet":
         return {}
     try:
@@ -116,7 +118,7 @@ def off_the_model(
 
 
 def optima_rows(name: str, ms: float, process: Process) -> list[dict[str, Any]]:
-    """Return the optima of each kind at all terms."""
+    """Return the optima of each kind at all limits of noise."""
     return [optimum(name, process, order, ms, noise) for order in range(3) for noise in NOISE.values()]
 
 

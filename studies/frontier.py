@@ -25,7 +25,7 @@ from pidalab import Process
 
 MS = 1.4
 NOISE = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # limits of the relative noise gain
-SPENT = (0.1, 0.3, 1.0, 3.0)  # limits of the map
+SPENT = (0.1, 0.3, 1.0, 3.0)  # the same for the map
 PLANTS: dict[str, Process] = {
     "lag-dominated": pidalab.fopdt(1.0, 20.0, 1.0),
     "lag-dominated, two lags": Process([1.0], np.convolve([10.0, 1.0], [1.0, 1.0]), 0.2),

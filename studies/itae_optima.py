@@ -5,7 +5,7 @@ The search is a simplex search with the exact simulation. For models of gain 1 a
 * the PIDA controller of least ITAE, for set-point steps, for load steps, and for load steps with Ms up to 2;
 * for each of these models the best pair of factors f_d, f_a in the rule of heo2023;
 * the PID and PIDA controllers for the models of the paper's Fig. 1, the PID also with a nearly ideal derivative;
-* the best pair of factors by IAE, by ITAE and by their sum, which shows the integral to which its Table 1 was fitted.
+* the best pair of factors by IAE, by ITAE and by their sum, to see to which of these Table 1 of heo2023 was fitted.
 
 The script writes the first three results to book/data/itae_optima.csv and the last to book/data/itae_factors.csv. Then
 it prints the constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors`. This takes
@@ -220,7 +220,7 @@ def load_factor_form(plant: Plant, constants: np.ndarray) -> pidalab.NonInteract
 def fit(
     form: Callable, start: Sequence[float], least: dict[Plant, float], kind: str, bound: float
 ) -> np.ndarray:
-    """Return the constants with the least mean of log(ITAE / optimum), plus 0.3 times its maximum if Ms is bounded."""
+    """Return the constants with the least mean of log(ITAE / optimum). If Ms is bounded, add 0.3 times the maximum."""
     scale = np.abs(start)
 
     def cost(x: np.ndarray) -> float:

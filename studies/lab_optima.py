@@ -1,8 +1,8 @@
-"""Find the optima from which the search of the lab starts, and optima for the test of the lab, in ten minutes.
+"""Find the optima from which the search of the lab starts, and optima for the test of the lab.
 
 For each plant of the lab, book/_static/lab/optima.js contains the PI, PID and PIDA with the least IAE after a step of
 the load, within the limits below. tests/lab/least_iae.csv contains the least IAE for 100 random plants, orders and
-limits.
+limits. The study takes ten minutes.
 """
 
 import csv
@@ -41,7 +41,7 @@ def least_iae(process: pidalab.Process, order: int, ms: float, noise: float) -> 
 
 
 def best(process: pidalab.Process, order: int) -> list[float]:
-    """Return kp, ti, td and ta of an optimum, as far as its order has them, and its filter time."""
+    """Return kp, ti, td (from order 1), ta (from order 2) and the filter time of an optimum."""
     controller = least_iae(process, order, MS, NOISE).controller
     ki, kp, *derivatives = controller.coefficients
     values = [kp, kp / ki, *(gain / kp for gain in derivatives), controller.filter_time]

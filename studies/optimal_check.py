@@ -33,12 +33,12 @@ from pidalab import HighOrderPID, Loop, Process
 RESULTS = Path(__file__).parents[1] / "book" / "data" / "optimal_check.csv"
 COLUMNS = ("plant", "order", "ms", "mks", "iae", "iae_second", "ratio", "bands", "evaluations")
 ORDER, MS = 2, 1.4
-BANDS = np.log([0.002, 0.01, 0.03, 0.08, 0.2, 0.6])  # bands of filter times, in units of the process
+BANDS = np.log([0.002, 0.01, 0.03, 0.08, 0.2, 0.6])  # edges of bands of filter times, in units of the process
 LOW, HIGH = (
     np.log([0.005, 0.02, 1e-3, 1e-5]),
     np.log([5.0, 20.0, 10.0, 5.0]),
 )  # gains, in units of the process
-MEMBERS, GENERATIONS = 8, 40  # per unknown and band, of the differential evolution
+MEMBERS, GENERATIONS = 8, 40  # of each differential evolution: members per unknown, and generations
 SIMPLEX = 600  # evaluations of the refinement from the best controller of each band
 PENALTY = 100.0  # penalty for a violated limit, as a share of the IAE
 PLANTS: dict[str, tuple[Process, float]] = {  # each process has its limit of |C S|
@@ -85,7 +85,7 @@ class Judge:
         )
 
     def peaks(self, z: np.ndarray) -> np.ndarray:
-        """Return the peaks of |S| and |C S| divided by their limits, or 2 if an unstable loop keeps the limits."""
+        """Return the peaks of |S| and |C S| divided by their limits, or 2 for an unstable loop within both limits."""
         self.asked += 1
         loop = self.loop(z)
         sensitivity = loop.S(self.s)

@@ -1,4 +1,4 @@
-"""Make `.venv` from the locked requirements: ``python tools/environment.py``. ``--dev`` adds tests and tools.
+"""Make `.venv` from the locked requirements: ``python tools/environment.py``. ``--dev`` adds what tests and tools need.
 
 The script needs only Python, on any system. Every package is verified by its hash. `uv` is several times faster than
 pip, and is installed from the lock file. If it cannot be installed, pip is used.

@@ -1,8 +1,8 @@
 """Make the figure of the first page, which shows the benefit of acceleration and its cost in noise.
 
-All its PI, PID and PIDA controllers are for one plant and have the same maximum sensitivity. Each has the least IAE for
-a load at a limit of the relative noise gain. The page redraws them when the reader moves the slider. Readers without
-JavaScript see the image. The conditions are those of the study of 134 plants, whose medians are also shown.
+It compares PI, PID and PIDA controllers for one plant, all with the same maximum sensitivity. Each controller has the
+least IAE after a load step for some limit of the relative noise gain. The reader sets this limit with a slider. Readers
+without JavaScript see the image. The study of 134 plants has the same conditions. Its medians are also shown.
 """
 
 import json
@@ -126,7 +126,7 @@ def stored() -> dict:
 
 
 def main() -> None:
-    """Write both images, the designs and the text. With `--search` search the optima again."""
+    """Write both images, the designs and the text. With `--search`, find the optima again."""
     sys.path.insert(0, str(BOOK / "_ext"))
     import figures_for_dark as twins
 

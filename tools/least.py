@@ -1,8 +1,8 @@
-"""Run the notebooks as the least capable processor of this kind would run them.
+"""Run the notebooks as the least capable x86-64 processor would run them.
 
 Each library chooses instructions at run time, and these determine its rounding. This script restricts the choice.
-OpenBLAS uses its oldest kernels, NumPy no dispatched features, numba code for a generic processor, and the C library no
-fused multiplication.
+OpenBLAS uses its oldest kernels, NumPy dispatches no features, numba compiles for a generic processor, and the C
+library uses no fused multiplication.
 """
 
 import json

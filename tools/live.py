@@ -40,7 +40,7 @@ def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Pa
 
 
 def without_names(module: bytes) -> bytes:
-    """Remove the custom sections of a WebAssembly module. They hold names for debuggers, a seventh of the file."""
+    """Remove the custom sections of a WebAssembly module. Their names for debuggers are a seventh of the file."""
     kept, at = [module[:8]], 8
     while at < len(module):
         size, shift, body = 0, 0, at + 1

@@ -1,8 +1,8 @@
 """Run every page of the book with a slightly changed library, and check that its results change, too.
 
 If a number does not change, it was copied, it is a whole number, or a formula of the page computed it. In the last two
-cases its row says so in ``made``. Printed numbers change a thousand times less. If a number changes only as much as
-these, it was computed from printed numbers alone. In a first run, the library is exact and only printed numbers change.
+cases its row says so in ``made``. Printed numbers change a thousand times less. A number that changes as little was
+computed from printed numbers alone. In a first run, the library is exact and only printed numbers change.
 In this run, numbers with the basis *computed* must not change.
 
     python tools/shake.py                    # all papers

@@ -99,7 +99,7 @@ def _with_text(soup: BeautifulSoup, name: str, text: str, kind: str = "") -> Tag
 
 
 def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
-    """Return the document of one kind of sheet, which keeps the head of a page but only the scripts for formulas."""
+    """Return the document of one kind of sheet. Of the scripts in the head of a page, it keeps those for formulas."""
     soup = BeautifulSoup((SITE / "book" / "intro.html").read_text(encoding="utf-8"), "html.parser")
     for script in soup.select("script"):
         if "MathJax" in script.get_text() or "mathjax" in script.get("src", ""):

@@ -12,7 +12,7 @@ A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the 
 A run raises an error if
 
 * a value or the evidence of a statement differs from the stored one;
-* a verdict no longer follows;
+* a stored verdict no longer follows from the numbers;
 * numbers that were declared to disagree begin to agree;
 * an id is unknown, or a row of the page was not passed.
 
@@ -27,7 +27,7 @@ that were fitted to these printed numbers (``fitted``), other printed results (`
 (``reading``).
 
 ``python -m paperledger update haalman2024`` runs the pages of a paper, stores the results and prints the changes.
-``show``, ``check``, ``manifest`` and ``readme`` print, validate, freeze and publish.
+``--help`` lists the other commands.
 """
 
 from paperledger.book import Ledger, load_all

@@ -1,9 +1,9 @@
 """Maintain the ledgers in ``book/ledger``: python -m paperledger COMMAND ...
 
-new KEY           write the files of a new paper, and list its missing places
+new KEY           write the files of a new paper, and list the files that should name it
 update KEY ...    run the pages of papers and store their results
 show KEY ...      print ledgers, with printed and computed numbers
-check             validate all files, print their scores, and list missing places of papers
+check             validate all ledgers, print their scores, and list files that should name a paper
 manifest          store all claims, and print changes; review them line by line
 shake LIBRARY KEY ...  run pages while the package returns slightly wrong numbers, and check that each row changes
 readme FILE ...   update the score in Markdown files

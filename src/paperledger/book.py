@@ -44,7 +44,7 @@ class Ledger:
     rows : dict of str to Row
         Rows by id, in the order of the file.
     fresh : dict of str to Row
-        Rows with the values that have been passed.
+        Rows that the page has passed, with the new values.
     refused : list of str
         The errors so far. `close` raises them again, so a page cannot suppress them.
 
@@ -63,7 +63,7 @@ class Ledger:
     """
 
     _recorded: ClassVar[list["Ledger"] | None] = None  # ledgers that `recording` collects
-    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # the printed entry that pages read
+    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # the printed entry for pages
 
     def __init__(
         self,
@@ -244,7 +244,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # A run that only records, as with a slightly wrong library, may change the verdict of a case.
+                # If a run only records, for example with a slightly wrong library, the verdict of a case may change.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)

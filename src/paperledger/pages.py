@@ -152,7 +152,7 @@ def errata(verdict: str, folder: Path | str | None = None) -> Display:
 
 
 def score_markdown(folder: Path | str | None = None) -> str:
-    """Return the score as a Markdown table between the two comments for `write_score`.
+    """Return the score as a Markdown table between the two comments that `write_score` finds.
 
     Parameters
     ----------

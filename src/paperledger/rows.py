@@ -18,8 +18,8 @@ from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerErro
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the reviewed list of claims, in the folder of the ledgers
 REMOVED = "removed.csv"  # ids that must not be used again, with reasons
-IDENTITY = 1e-9  # largest relative residual of two equal formulas without a note
-ROUGHEST = 1e-6  # largest relative residual of two equal formulas with a note
+IDENTITY = 1e-9  # largest tolerance of an identity without a note
+ROUGHEST = 1e-6  # largest tolerance of an identity with a note
 WORDS = 5  # a note that justifies a verdict must have at least this number of words
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 _MADE = re.compile(
@@ -37,7 +37,7 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return whether settings were fitted, and the reason why the value does not change.
+    """Read the column ``made``. Return True if settings were fitted, and the reason why the value is constant.
 
     The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or a
     point on a grid that a small change does not move), or empty.

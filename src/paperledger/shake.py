@@ -17,11 +17,10 @@ The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``. The
 change is deterministic and between 2 and 6 times ``SIZE``. It varies with x, so that the quotient of two results
 changes as well. Whole numbers, 0 and infinities do not change.
 
-Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So the
-change of a row shows the origin of its number. A copied number does not change. A number computed from printed numbers
-changes as little as printed numbers do. A number computed with the library changes much more. Pages with rows of the
-basis *computed* also run with an exact library and changed printed numbers. In that run, rows with this basis must not
-change.
+Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. A
+copied number does not change. A number computed from printed numbers changes as little as these. A number computed with
+the library changes much more. Pages with rows of the basis *computed* also run with an exact library and changed
+printed numbers. In that run, rows with this basis must not change.
 """
 
 import os
@@ -178,7 +177,7 @@ class Shaker:
         return result
 
     def _part(self, key: str, place: Any) -> Any:
-        """Return the relative change of numbers, given the name of a function and the logarithms of their sizes."""
+        """Return the relative change of numbers, given the name of a function and the logarithms of abs(x)."""
         phase = crc32(key.encode()) % 6283 / 1000
         return SIZE * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 

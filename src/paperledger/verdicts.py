@@ -86,7 +86,7 @@ def agrees(fresh: str, stored: str) -> bool:
     """Return True if a new number equals a stored one, within a unit in the last stored place or a relative 1e-9.
 
     A stored number with fewer digits than the new number does not agree, since it would hide a change. One decimal less
-    is allowed (9.99... and 10.0... both have ten digits). Ten decimals are always enough, for a computed zero.
+    is allowed (9.99... and 10.0... both have ten digits). For a computed zero, ten decimals are always enough.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -99,7 +99,7 @@ def agrees(fresh: str, stored: str) -> bool:
 def write(value: float, floor: int, digits: int = DIGITS) -> str:
     """Write a value with its trailing zeros, which show its precision.
 
-    Digits below the power of ten `floor` are dropped, since they are the noise of a computed zero.
+    Digits below ``10**floor`` are dropped, since they are the noise of a computed zero.
 
     >>> write(0.5, -12), write(1.2e-17, -11), write(2.5e-7, -17, digits=3)
     ('0.5000000000', '0.00000000000', '2.50e-7')
@@ -194,7 +194,7 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
     printed, computed : str
         Two numbers with all their digits.
     note : str, optional
-        Note that may set a tolerance: ``tolerance 1 %`` of the printed number, or ``tolerance 0.02`` in its units.
+        Note that may set a tolerance (see `tolerance`).
 
     Returns
     -------
@@ -567,7 +567,7 @@ def _pair(value: object) -> Pair:
 
 
 def _side(value: float, scale: float, digits: int) -> str:
-    """Write one side. Integers stay integers. Digits below 1e-12 of the larger side are dropped as noise."""
+    """Write one side. Integers stay integers. Digits below 1e-12 times the larger side are dropped as noise."""
     if isinstance(value, int) or isinf(value):
         return str(value)
     return write(value, Decimal(repr(float(scale))).adjusted() - 12 if scale else -400, digits)
@@ -583,7 +583,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or to as many as distinguish it from 1. A tiny or huge ratio may be rounding."""
+    """Round a ratio to two digits, or to as many as distinguish it from 1. A tiny or huge ratio gets only a bound."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

@@ -1,4 +1,4 @@
-"""PIDA control with processes with dead time, exactly simulated loops, and tuning rules.
+"""PIDA control: processes with dead time, exactly simulated loops, and tuning rules.
 
 Data flow in one direction, in the library as in every chapter of the book::
 

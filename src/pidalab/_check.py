@@ -17,7 +17,7 @@ NO_NUMBERS = (str, bytes, bool, np.bool_, np.datetime64, np.timedelta64)
 LARGEST = 1e150  # the square of this number does not overflow
 BLOCK = 4096  # number of values that are checked together
 INDICES = np.arange(BLOCK)
-HIGHEST = 400  # polynomials of lags, filters or expansions with a higher order overflow in double precision
+HIGHEST = 400  # highest order of a lag, filter or expansion; polynomials of higher order overflow
 
 
 def real(
@@ -63,7 +63,7 @@ def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return a hint for an error message if an attribute of `value` has the expected type, else an empty text."""
+    """Return the hint ``; pass its .process`` (or model, controller) if this attribute has the type, else no text."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"
@@ -82,7 +82,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
 
 
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
-    """Return a copy as an array of any shape. Raise for text and other kinds of data."""
+    """Return a copy as an array of any shape. Raise for the kinds of data in `others`, such as text."""
     if type(value) is np.ndarray and value.dtype == kind:
         return value.copy()
     _require_plain(name, value, what)
@@ -180,7 +180,8 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
         block = t[start : start + BLOCK]
         grid = step * (start + INDICES[: block.size])
         off = np.abs(block - grid)
-        if off.max() > 1e-6 * step:  # times stored in single precision have relative errors
+        # Errors of times in single precision grow with time, so the second tolerance grows, too.
+        if off.max() > 1e-6 * step:
             far = np.flatnonzero(off > 1e-6 * (step + grid))
             if far.size:
                 i = int(far[0])
@@ -192,7 +193,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
 
 
 def signal(name: str, value: ArrayLike, size: int) -> Array:
-    """Return a held signal of `size` samples. A number becomes a step at t = 0, which needs no memory."""
+    """Return a held signal of `size` samples. For a number, store its value only once."""
     array = np.zeros(()) if isinstance(value, (int, float)) else _real_array(name, value)
     if array.ndim == 0:
         return np.broadcast_to(real(name, value), size)
@@ -202,7 +203,7 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def is_constant(signal: Array) -> bool:
-    """Return True if a held signal was made from a number and is therefore constant."""
+    """Return True if a held signal is constant. A signal made from a number needs no comparison."""
     return signal.strides == (0,) or bool((signal[1:] == signal[:-1]).all())
 
 
@@ -221,7 +222,7 @@ def squarable(name: str, array: Array) -> None:
 
 def pair(name: str, what: str, value: Any) -> tuple[float, float]:
     """Return two numbers as floats. Otherwise raise an error that names the argument and the meaning of the numbers."""
-    try:  # a float may be infinite or NaN
+    try:  # infinite floats and NaN are allowed here
         first, second = (float(x) if isinstance(x, (float, np.floating)) else real(name, x) for x in value)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be two numbers, {what}, found {value!r}") from None

@@ -1,9 +1,9 @@
 """Kernels: functions that exist in plain Python and as machine code, which numba compiles and stores.
 
-Importing numba takes longer than most short answers, and compiling takes up to a minute. A process therefore starts
+Importing numba takes longer than a short computation, and compiling takes up to a minute. A process therefore starts
 with the plain forms, whose results differ only by rounding. After a second in plain forms, the process uses the
 compiled code if the code of all kernels is stored. Otherwise it starts another process that compiles in the background.
-A call with large arguments waits for compiled code. Without numba every call is plain.
+A call with large arguments waits for compiled code. Without numba every call uses the plain form.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. Tests, notebooks and benchmarks do so.
 With ``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored
@@ -68,7 +68,7 @@ class Kernel:
         import numba
 
         config: Any = numba.config
-        # Do not fuse multiplications and additions, so that simulations and written C and Python give the same bits.
+        # Do not fuse multiplications and additions, so that simulations give the same bits as written C and Python.
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)
@@ -106,7 +106,7 @@ class Kernel:
 
     @property
     def targetoptions(self) -> Any:
-        """Options of numba, which also say if callers inline the kernel."""
+        """Options of numba, which also say whether callers inline the kernel."""
         return self.dispatcher.targetoptions
 
     @property
@@ -169,7 +169,7 @@ class Tier:
         return self.ready or (large and self.imports())
 
     def begin(self) -> None:
-        """Read from the environment if compiled code is wanted and possible."""
+        """Find out whether compiled code is wanted (from the environment) and possible."""
         wish = os.environ.get("PIDALAB_COMPILE", "")
         off = wish == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
         try:
@@ -180,7 +180,7 @@ class Tier:
         self.ready = self.allowed and wish == "1" and self.imports()
 
     def imports(self) -> bool:
-        """Return True if numba can be imported. If not, make all later calls plain."""
+        """Return True if numba can be imported. If not, use plain forms from now on."""
         try:
             import numba  # noqa: F401
         except ImportError:
@@ -215,7 +215,7 @@ def _cache_folder() -> Path | None:
 
 
 def code_folder() -> Path | None:
-    """Return the folder for code of these sources, with this Python, numba, options and machine, or None."""
+    """Return the folder for code of these sources, this Python, numba, machine and options, or None."""
     cache = _cache_folder()
     if cache is None:
         return None
@@ -245,7 +245,7 @@ def declare_complete() -> None:
 
 
 def compile_in_background() -> None:
-    """Start a process that compiles all kernels, unless an attempt is running or has failed a short time ago.
+    """Start a process that compiles all kernels, unless an attempt is running or has just failed.
 
     Each attempt creates a numbered file, which it removes on success. Only one process can create a file with a given
     number, so two processes never start the same attempt. If an attempt failed or was killed, its file delays the next
@@ -257,7 +257,7 @@ def compile_in_background() -> None:
     # On Windows the process is detached, in a new group and below normal priority. Elsewhere it lowers its priority.
     apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
     closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    # Start in the package's folder and without the working directory on the path, whose files must not be imported.
+    # Start in the package's folder. Keep the working directory off the path, since its files must not be imported.
     parent = str(PACKAGE.parent)
     script = f"import sys; sys.path.append({parent!r}); from pidalab.warm_up import main; main()"
     try:

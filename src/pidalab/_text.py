@@ -25,7 +25,7 @@ LONGEST_LINE: Final = 200  # in characters
 def comment_text(text: str, longest: int) -> str:
     """Return text as one line for a comment of written code, with usual punctuation.
 
-    It cannot end a comment of C, structured text or Python, since it has no asterisk, quotation mark or backslash.
+    The line cannot end a comment of C, structured text or Python: it has no asterisk, quotation mark or backslash.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> st
 
 
 def _passes(character: str, marks: str) -> bool:
-    """Return True for a letter of any alphabet, a decimal digit, and one of the marks."""
+    """Return True for a letter of any alphabet, a decimal digit, or one of the marks."""
     return character in marks or character.isalpha() or unicodedata.category(character) == "Nd"
 
 

@@ -124,7 +124,7 @@ class IdealGains(NamedTuple):
         return NonInteractiveForm(kp, ti, td, math.sqrt(2 * ta))
 
     def series(self) -> SeriesForm:
-        """Return the series form, which is that of automatic reset, with the largest possible ti.
+        """Return the series form, which automatic reset uses, with the largest possible ti.
 
         Returns
         -------

@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # python-control is imported only for a frequency response.
     import control
 
 FREQUENCIES = 1000  # frequencies of a frequency response, before those for the dead time are added
-# The phase of the dead time may turn by this angle in rad between two frequencies, and in total.
+# Largest change of the phase by the dead time, in rad: between two frequencies, and in total.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
@@ -52,7 +52,7 @@ class Loop:
     process : Process
         The plant with its dead time. A python-control system is a plant without dead time.
     controller : controller, DigitalController, control.TransferFunction or float
-        A proper controller from the difference of filtered set point and measurement to u. If the controller is
+        A proper controller, whose input is the filtered set point minus the measurement. If the controller is
         digital, the loop has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and
         `is_stable` with such a loop.
     output_filter : Process, OutputFilter or control.TransferFunction, optional
@@ -126,7 +126,7 @@ class Loop:
 
     @property
     def open_loop(self) -> Fraction:
-        """L without its dead time: the product of the blocks, in which nothing is cancelled.
+        """L without its dead time: the product of the blocks, without cancellation.
 
         Raises
         ------
@@ -401,7 +401,7 @@ def open_loop(loop: Loop) -> Fraction:
 
 
 def _rational(name: str, block: Any, kind: type) -> Fraction:
-    """Return (num, den) of a block. For another object, the error names an attribute that is a block."""
+    """Return (num, den) of a block. If `system` is not a block, the error names an attribute that is."""
     hint = "" if hasattr(block, "fraction") else _check.carrier(block, kind)
     if hint:
         raise TypeError(f"{name} must be a block of the loop, found {type(block).__name__}{hint}")

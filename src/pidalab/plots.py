@@ -30,7 +30,7 @@ from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
 LINE_POINTS = 4000  # largest number of points of a line; a vector file drops invisible points
-NOISY_POINTS = 400  # the same for a noisy line, since a vector file would keep nearly all its points
+NOISY_POINTS = 400  # of a noisy line, nearly all of whose points a vector file would keep
 
 
 def use_book_style() -> None:
@@ -419,13 +419,13 @@ class _LiveFigure:
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
     """Make a live figure of the book from controllers.
 
-    Call the function in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers
+    Call the function in a cell inside ``<div class="pidalab-live">``. The div becomes a figure with controls. Readers
     without JavaScript see the figure that the cell draws.
 
     Parameters
     ----------
     plant : str or Process
-        Name of a plant of the lab, such as "lags3", or a process. For a process ``conditions`` must contain an ``end``.
+        Name of a plant of the lab, such as "lags3", or a process. A process needs an ``end`` in ``conditions``.
     controllers : mapping of str to HighOrderPID
         PI, PID or PIDA controllers by name. Their numbers are passed with six digits.
     **more : Any
@@ -461,7 +461,7 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
 
 
 def _design(name: str, controller: Any) -> dict[str, Any]:
-    """Convert a controller to the form of the lab, which has the standard form and a binomial filter."""
+    """Convert a controller to the form of the lab: the standard form with a binomial filter."""
     gains = controller.coefficients
     if not 2 <= len(gains) <= 4 or gains[0] == 0 or gains[1] == 0:
         raise ValueError(f"controllers[{name!r}] must be a PI, PID or PIDA, found gains {list(gains)}")

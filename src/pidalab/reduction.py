@@ -62,7 +62,7 @@ def ultimate_frequency(process: Process) -> float:
     ----------
     process : Process
         Process that is stable or has one integrator. Its static gain must not be 0. A negative gain does not shift the
-        phase here. Below the ultimate frequency there must be no zero on the imaginary axis, where the phase jumps.
+        phase here. No zero on the imaginary axis may lie below the ultimate frequency, since the phase jumps there.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def ultimate_frequency(process: Process) -> float:
     ------
     TypeError, ValueError
         If the process has another type, is unstable, or has two integrators, no static gain or no ultimate frequency.
-        Without dead time an ultimate frequency needs at least three lags, or as much phase from zeros.
+        Without dead time, lags and zeros must turn the phase by more than 180°, as three lags do.
 
     Examples
     --------
@@ -112,7 +112,7 @@ def ultimate_frequency(process: Process) -> float:
 
 
 def turned_phase(process: Process, w: Array) -> Array:
-    """Compute the continuous phase, relative to the phase at frequency 0. Roots on the axis count as stable.
+    """Compute the continuous phase, relative to the phase at frequency 0. Roots on the imaginary axis count as stable.
 
     Parameters
     ----------
@@ -164,13 +164,13 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     Returns
     -------
     FirstOrderModel
-        The parameters. Its ``process`` is the model. The dead time is between π/2 and π divided by ``wu``.
+        The parameters. Its ``process`` is the model. The dead time is between π/(2 wu) and π/wu.
 
     Raises
     ------
     TypeError, ValueError
-        As for `ultimate_frequency`. Also if the process is integrating, or if its magnitude at that frequency is not
-        below the static gain.
+        As for `ultimate_frequency`. Also if the process is integrating, or if its magnitude at ``wu`` is not below
+        the static gain.
 
     References
     ----------

@@ -1,10 +1,9 @@
 r"""Noise gain in units of the plant, which does not depend on the units of y, u and time.
 
 The *noise gain* of a loop is the standard deviation of u divided by that of white measurement noise, which is held for
-a sample time h. Its unit is that of u divided by that of y, and its value depends on h. The plant determines h and a
-unit of the gain. h is a hundredth of its ultimate period. The *relative noise gain* is the noise gain divided by the
-ultimate gain of the plant. A proportional controller with a tenth of the ultimate gain has a relative noise gain near
-0.1.
+a sample time h. Its unit is that of u divided by that of y, and its value depends on h. Here h is a hundredth
+of the ultimate period of the plant. The *relative noise gain* is the noise gain divided by the ultimate gain of the
+plant. A proportional controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ class NoiseScale(NamedTuple):
 
     @property
     def period(self) -> float:
-        """Ultimate period of the plant or its substitute, which is 100 sample times."""
+        """Ultimate period of the plant, or its substitute: 100 sample times."""
         return SAMPLES * self.sample_time
 
 
@@ -131,7 +130,7 @@ def relative_noise_gain(loop: Loop) -> float:
 
 
 def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:
-    """Return the noise gain of the sampled loop, or NaN. Also return a remark on what was measured or why it failed."""
+    """Return the noise gain of the sampled loop, or NaN, with a remark on what was measured or why that failed."""
     try:
         return noise_gain(loop, sample_time), ""
     except ValueError as refusal:

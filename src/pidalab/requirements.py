@@ -29,7 +29,7 @@ class Requirements:
     sample_time : float, optional
         Sample time of the noise. Give it only with `noise_gain`.
     family : tuple of Process
-        Other plants that must keep `ms_worst`.
+        Other plants, with which Ms must be at most `ms_worst`.
     ms_worst : float
         Largest maximum sensitivity with any plant of the family, above 1.
 
@@ -75,14 +75,14 @@ class Requirements:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def peaks(self, slack: float = 0.0) -> dict[str, float]:
-        """Return the limits on peaks over frequency, reduced by a share, named as `pidalab.optimal.problem.PEAKS`."""
+        """Return the limits on peaks over frequency times ``1 - slack``, named as `pidalab.optimal.problem.PEAKS`."""
         limits = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
         if self.disk is not None:
             limits["inverse_disk"] = 1 / self.disk
         return {name: value * (1 - slack) for name, value in limits.items()}
 
     def reached(self, values: dict[str, float], share: float) -> list[str]:
-        """Return the names of the limits that the values reach, with `share` as relative allowance."""
+        """Return the names of the limits that the values reach, within a relative tolerance `share`."""
         over = {name: values[name] / limit for name, limit in self.limits().items()}
         return [name for name, x in over.items() if (x <= 1 + share if name == "disk" else x >= 1 - share)]
 

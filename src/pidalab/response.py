@@ -131,7 +131,7 @@ class Response(Signals):
         horizon : float, optional
             Upper limit, as for `ie`.
         origin : float, optional
-            Time t_0 at which the weight is zero, not after the start of the record. If the weight begins 1 time unit
+            Time t_0 at which the weight is zero, at most 0. If the weight begins 1 time unit
             before the record, use ``origin=-1``.
 
         Returns
@@ -161,7 +161,7 @@ class Response(Signals):
         """Integrate |e| times the weight base + slope t."""
 
         def areas_until(curve: Curve, s: Array) -> tuple[Array, Array]:
-            """Integrate e and, if the weight depends on t, s e, from 0 to s."""
+            """Integrate e from 0 to s. If the weight depends on t, also integrate s e."""
             c0, c1, c2 = curve
             plain = s * (c0 + s * (c1 / 2 + s * (c2 / 3)))
             return plain, s * s * (c0 / 2 + s * (c1 / 3 + s * (c2 / 4))) if slope else np.zeros_like(plain)
@@ -324,7 +324,7 @@ class Response(Signals):
         return target
 
     def overshoot(self, final: float | None = None) -> float:
-        """Return the overshoot of y beyond its final value, in per cent of the final value. It is 0 if there is none.
+        """Return the overshoot of y beyond its final value, in per cent of the final value. Return 0 if there is none.
 
         Parameters
         ----------
@@ -356,7 +356,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # The exact area contains most of an extreme between samples.
+            # `_top` misses less than the samples do, since it uses the exact area.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
@@ -521,8 +521,8 @@ class Response(Signals):
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Return the time in which y rises from a low share to a high share of its final value.
 
-        If y exceeds a share at t = 0, the share is passed at 0. So the rise time is 0 if a record starts above the high
-        share, for example if the set point decreases towards 0.
+        If y exceeds a share at t = 0, it passes this share at t = 0. So the rise time is 0 if a record starts above the
+        high share, for example if the set point decreases towards 0.
 
         Parameters
         ----------
@@ -539,7 +539,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the final value is 0, the output never reaches the high share, or the shares are not in this order.
+            If the final value is 0, the output never reaches the high share, or not ``0 < low < high < 1``.
 
         Examples
         --------
@@ -630,7 +630,7 @@ def _variation(path: Array) -> float:
 
 
 def _missed_top(size: Array, path: Array) -> float:
-    """Estimate how much a path between samples exceeds its largest sample, with `size` as the size of the path."""
+    """Estimate how much a path between samples exceeds its largest sample. `size` is the path or its magnitude."""
     return float(np.max(size + _missed(path)) - np.max(size))
 
 

@@ -1,9 +1,9 @@
 r"""Roots of a polynomial from its coefficients, including multiple roots.
 
 The eigenvalues of a companion matrix scatter an n-fold root over a circle. For 30 equal lags, for example, the time
-constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, which Gauss-Newton
-steps refine on the coefficients. The multiple root is accepted if its polynomial agrees with the coefficients at least
-as well as that of the scattered roots.
+constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, and Gauss-Newton
+steps fit this root to the coefficients. It is accepted if its polynomial agrees with the coefficients at least as well
+as the polynomial of the scattered roots.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from pidalab._check import Array
 
 # Roots within such relative distances are tried as one multiple root.
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)
-# A smaller difference of the coefficients, relative to their size and divided by the degree, is rounding.
+# A difference of a coefficient below this value times its size times the degree is rounding.
 SAME_COEFFICIENTS = 1e-14
-ALLOWED = 1e-10  # largest difference for which roots represent their polynomial
+ALLOWED = 1e-10  # largest difference of the coefficients, relative to their size, for accepted roots
 TRUSTED_DEGREE = 8  # up to this degree, well separated eigenvalues are accepted directly
-MULTIPLE_BEYOND = 40  # above this degree most roots must be multiple
+MULTIPLE_BEYOND = 40  # above this degree, at most half of the roots may be distinct
 HIGHEST_DEGREE = 400
-ON_AXIS = 1e-13  # a smaller relative real part is rounding
+ON_AXIS = 1e-13  # a real part below this share of the modulus is rounding
 
 
 def roots(polynomial: ArrayLike) -> Any:
-    """Return the roots of a real polynomial in descending powers. Sort by modulus, upper root of a pair first.
+    """Return the roots of a real polynomial in descending powers. Sort by modulus. Of a pair, the upper root is first.
 
     Leading zeros are ignored.
 
     Raises
     ------
     ValueError
-        If no roots are found whose polynomial equals the given one to ten digits.
+        If no roots are found whose polynomial equals the given polynomial to ten digits.
     """
     coefficients = np.asarray(polynomial, dtype=float)
     if not (coefficients.size and coefficients[0]):
@@ -73,7 +73,7 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
-    # The second coefficient is the sum of the roots. If all are equal, it determines them without loss of digits.
+    # The second coefficient is minus the sum of the roots. If all are equal, it gives each without loss of digits.
     single = np.full(1, -scaled[1] / degree, dtype=complex)
     if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= SAME_COEFFICIENTS * degree:
         return np.repeat(single, degree) * scale
@@ -95,7 +95,7 @@ def _of_nonzero(coefficients: Array) -> Any:
             if off <= max(least, SAME_COEFFICIENTS * degree):
                 best, least = np.repeat(merged, times.astype(int)), off
     if degree > MULTIPLE_BEYOND and np.unique(best).size > degree // 2:
-        # The polynomial may agree, but rounding would spoil a response computed from such roots.
+        # The coefficients may agree, but rounding would spoil a response computed from so many distinct roots.
         least = 1.0
     if not least <= ALLOWED:
         raise ValueError(
@@ -115,7 +115,7 @@ def _of_quadratic(scaled: Array) -> Any:
 
 
 def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
-    """Return the largest difference between polynomial and coefficients, relative to the size of the coefficients."""
+    """Return max of ``abs(product - scaled) / size``, where `product` is the polynomial of the roots."""
     product = np.ones(1, dtype=complex)
     for root, multiplicity in zip(values, times, strict=True):
         for _ in range(int(multiplicity)):
@@ -124,9 +124,9 @@ def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
 
 
 def _sizes(scaled: Array) -> Array:
-    """Return typical sizes of the coefficients, as the lowest concave curve above their logarithms."""
-    # The curve is the Newton polygon, whose slopes are the sizes of the roots. A coefficient may be much smaller if its
-    # terms cancel. A difference relative to such a coefficient would be meaningless.
+    """Return typical sizes of the coefficients. Their logarithms are the lowest concave curve above the logarithms."""
+    # The curve is the Newton polygon, whose slopes are the logarithms of abs(root). A coefficient may be much smaller
+    # if its terms cancel. A difference relative to such a coefficient would be meaningless.
     k = np.flatnonzero(scaled)
     corners: list[tuple[int, float]] = []
     for point in zip(k.tolist(), np.log(np.abs(scaled[k])).tolist(), strict=True):
@@ -142,7 +142,7 @@ def _below(first: tuple[int, float], middle: tuple[int, float], last: tuple[int,
 
 
 def _merged(scattered: Any, radius: float) -> tuple[Any, Array]:
-    """Join roots that are closer than a radius. Keep conjugate pairs. Return means and multiplicities."""
+    """Join roots whose relative distance is at most `radius`. Keep conjugate pairs. Return means and multiplicities."""
     is_near = np.abs(scattered[:, None] - scattered[None, :]) <= radius * np.abs(scattered)[:, None]
     reach = is_near | is_near.T
     for _ in range(int(np.ceil(np.log2(scattered.size))) + 1):
@@ -208,7 +208,7 @@ def border(holds: Callable[[float], bool], inside: float, outside: float, share:
     Returns
     -------
     float
-        The border, on the side on which the condition is true.
+        The border. The condition is true at this value.
 
     Examples
     --------

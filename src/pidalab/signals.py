@@ -19,7 +19,7 @@ Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
 SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, as a share of its maximum
 BLOCK = 8192  # sample intervals whose integrals are computed together
-FEWEST_JUDGED = 20  # a movement of fewer samples is not tested for divergence
+FEWEST_JUDGED = 20  # fewer samples are not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
 INTEGRALS = ("iae", "ise", "itae")
 SAME_SHARE = 2e-4  # a measure is the same on two grids if it differs by less than this share
@@ -72,7 +72,7 @@ class Signals:
         return response
 
     def _derived(self, finer: Callable[[], Self] | None, **changes: Any) -> Self:
-        """Return a record with changed fields, but the same fastest pole and the same origin of the area."""
+        """Return a record with changed fields, but the same `_speed` and the same `_exact`."""
         response = replace(self, **changes)
         vars(response).update(_finer=self._finer and finer, _speed=self._speed, _exact=self._exact)
         return response
@@ -85,7 +85,7 @@ class Signals:
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return the record at every second time, or None if held signals change between these times."""
+        """Return the record at every second time. Return None if `t.size` is even or small, or held signals vary."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
@@ -116,15 +116,16 @@ class Signals:
         missed : callable, optional
             Function that bounds how much the samples of a record underestimate extremes.
         least : float, optional
-            Least number by which a difference is divided.
+            A difference between grids is divided by this number if the measure is smaller.
 
         Notes
         -----
-        Grids are compared in succession: every second sample, all samples, and finer grids. If the samples resolve the
-        fastest pole, one agreement is enough for integrals, and for extremes with a small bound. Otherwise two
-        agreements are needed, since grids can share the decisive sample. Measures that are times need three agreements.
-        If no finer grid is needed, nothing is simulated. If the first finer grid agrees, the value of the record itself
-        is returned.
+        Grids are compared in succession: every second sample, all samples, and finer grids. Two grids agree if the
+        measure differs by at most `SAME_SHARE`. If the samples resolve the fastest pole, one agreement is enough for an
+        integral, and for an extreme if `missed` is small. A measure that is a time needs three. If the samples do not
+        resolve the pole, an integral needs two, since two grids can agree by chance. Other measures then need a finer
+        grid.
+        If the first finer grid agrees, the value of the record itself is returned.
         """
         value = measure(self)
         if self._finer is None and (not self._exact or signal == "u" or self.n.any()):
@@ -251,7 +252,7 @@ class Signals:
         Parameters
         ----------
         start, stop : float
-            Beginning and end, rounded to samples. The last sample is held until one sample time after the record.
+            Beginning and end, rounded to samples. If `stop` is one sample after the record, the last sample is the end.
 
         Returns
         -------
@@ -327,15 +328,16 @@ class Signals:
         tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
         if tail > SETTLED_SHARE * largest:
             raise ValueError(
-                f"horizon=inf needs a settled record: the last error may be {SETTLED_SHARE * largest:.3g}, "
-                f"found {tail:.3g}; simulate longer or give a finite horizon"
+                f"horizon=inf needs a settled record: the last error may be at most {SETTLED_SHARE * largest:.3g}, "
+                f"found {tail:.3g} in the last tenth; simulate longer or give a finite horizon"
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
         """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
-        Growth is tested in the last movement. It begins when set point or load last changed (unless they change all the
-        time), but not before the signal first moves. A movement of few samples is not tested.
+        The test begins at the last change of set point or load, or at the first change of the signal if that is later.
+        If set point or load change all the time, it begins at the first change of the signal. Few samples are not
+        tested.
         """
         if not self._grows(signal, 0):
             return
@@ -357,7 +359,7 @@ class Signals:
 
     @staticmethod
     def _movements(signal: Array, start: int) -> tuple[float, float]:
-        """Return the ranges of a signal in the last tenth of the time since a sample, and in the time before that."""
+        """Return the range of the last tenth of ``signal[start:]``, and the range of the rest."""
         moving = signal[start:]
         tenth = max(2, moving.size // 10)
         return float(np.ptp(moving[-tenth:])), float(np.ptp(moving[: moving.size - tenth + 1]))
@@ -365,8 +367,8 @@ class Signals:
     def _pieces(self, horizon: float | None, block: int = BLOCK) -> Iterator[tuple[Curve, Array, Array]]:
         """Yield parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end for all sample intervals, block by block.
 
-        Each block is (c0, c1, c2), the ends, and the times at s = 0. Blocks that fit into the processor's cache take
-        half as long as whole records.
+        Each item is (c0, c1, c2), the ends, and the times at s = 0. Blocks that fit into the processor's cache halve
+        the computing time.
         """
         horizon = self._horizon(horizon)
         for begin in range(0, self.t.size - 1, block):

@@ -12,9 +12,9 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.roots import roots
 
-# A dead time counts as a multiple of the sample time if it differs by less than this share of a sample.
+# A dead time that differs from a multiple of the sample time h by less than this share of h counts as the multiple.
 ALIGNED = 1e-9
-# Poles whose speeds differ by more than this factor belong to different parts.
+# Poles, in order of modulus, are split into parts where the modulus rises by more than this factor.
 APART = 10.0
 # A part with at most this number of poles is in companion form.
 FEW_STATES = 12
@@ -30,7 +30,7 @@ class StateSpace(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Partial fraction with poles of similar speed: x' = A x + b w, y = c x."""
+    """Partial fraction with poles of similar modulus: x' = A x + b w, y = c x."""
 
     A: Array  # (n, n)
     b: Array  # (n,)
@@ -39,7 +39,7 @@ class Part(NamedTuple):
 
 
 def parallel(*fractions: tuple[Array, Array]) -> tuple[tuple[Part, ...], float]:
-    """Split a product of rational functions into partial fractions by speed of the poles, and a direct part."""
+    """Split a product of rational functions into partial fractions with poles of similar modulus, and a direct part."""
     return _parallel(*(np.ascontiguousarray(x, dtype=float).tobytes() for pair in fractions for x in pair))
 
 
@@ -67,7 +67,7 @@ def _parallel(*raw: bytes) -> tuple[tuple[Part, ...], float]:
 
 
 def _part(num: Array, lead: float, own: list[complex], others: list[complex]) -> Part:
-    """Realise the partial fraction with some of the poles, in a unit of time that suits them."""
+    """Realise the partial fraction with the poles `own`. Time is scaled by the largest modulus of these poles."""
     n, unit = len(own), abs(own[-1]) or 1.0
     numerator: Any
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
@@ -179,8 +179,8 @@ class Piece(NamedTuple):
     """Section of a sample interval in which a held and delayed input is constant."""
 
     time: float
-    lag_samples: int  # age of the input in samples
-    offset: float  # time from the beginning of a pulse to the beginning of the piece
+    lag_samples: int  # the input of this many samples ago acts
+    offset: float  # time for which this input acted before the piece begins
 
 
 def pieces(delay: float, h: float) -> list[Piece]:
@@ -205,6 +205,6 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # After so long a time only the static gain of a fast filter remains. This form preserves its digits.
+        # Every pole is faster than the duration, so the static gain dominates. This form preserves its digits.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

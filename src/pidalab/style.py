@@ -18,7 +18,7 @@ LOOKS: dict[str, dict[str, Any]] = {  # equal to those of the lab, book/_static/
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
     "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
-# Further designs of a kind have the first free look of these.
+# A further design of the same kind gets the first free look in this order.
 OTHERS = ("m = 3", "m = 4", "other", "PID", "PI", "PIDA")
 SETTLED = {  # fixed looks of controllers and anti-windup methods that appear on several pages
     "PPM-PIDA": "m = 3",
@@ -48,7 +48,7 @@ STYLE: dict[str, Any] = {
     ),
     "grid.color": GREY,
     "grid.alpha": 0.25,
-    "font.size": 12,  # points, as the text; equals 9 px where a figure 6.4 inches wide fills a phone
+    "font.size": 12,  # points, as in the text; 9 px if a figure 6.4 inches wide fills a phone
     "figure.titlesize": "medium",
     "figure.labelsize": "medium",
     "legend.frameon": False,

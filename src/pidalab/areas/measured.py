@@ -4,8 +4,8 @@ The areas are those of `pidalab.areas.from_process`. The paper integrates the re
 :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here the areas are computed from moments of
 the two signals about the time of the change, up to the time at which the record has settled. Without noise both methods
 give the same areas. Repeated integration runs to the end of the record, where noise has the largest weights. In a
-record of 1/(s + 1)^4, with 50 time constants and noise of 0.001, the error of A_5 is 50 % with repeated integration and
-3 % with moments.
+record of 1/(s + 1)^4 that is 50 time constants long and has noise of 0.001, the error of A_5 is 50 % with repeated
+integration and 3 % with moments.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from scipy.special import bernoulli, factorial
 from pidalab import _check
 from pidalab._check import Array
 
-PIECES = 16  # number of pieces of a steady state, whose means are compared
-LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of the tested transients, in pieces
+PIECES = 16  # a steady state is divided into this number of pieces, and their means are compared
+LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of the tested transients, in lengths of a piece
 SHORTEST = 0.05  # least length of a steady state, relative to the record
-SHORTER = 0.9  # each tried steady state is shorter than the previous one by this factor
+SHORTER = 0.9  # length of each tried steady state / length of the previous one
 DRIFT = 2.5  # a transient of up to this number of standard deviations counts as noise
-FADE = 5.0  # the same limit for squares of the record, which scatter more
-LONGER = 1.1  # noise hides the end of a transient, so the time at which none is visible is multiplied by this
+FADE = 5.0  # like DRIFT, but for the squares of the record, which scatter more
+LONGER = 1.1  # noise hides the end of a transient, so the time until none is visible is multiplied by this
 ROUNDING = float(np.finfo(float).eps)  # a smaller drift, relative to the level, is a rounding error
 UNCERTAIN = 0.05  # a warning is given if the relative uncertainty of an area is larger
 
 
 class RecordWarning(UserWarning):
-    """The record is too short, too noisy or does not match the model."""
+    """The record is too short or too noisy, or it does not match the model."""
 
 
 def is_record(given: Any) -> TypeGuard[Any]:
-    """Return True for a plant record such as `pidalab.Record`, which may replace times and signals."""
+    """Return True for a plant record such as `pidalab.Record`, which may be given instead of times and signals."""
     return hasattr(given, "after_step")
 
 
@@ -58,7 +58,7 @@ class MeasuredAreas:
     span : tuple of float
         Times between which the record is used, from the first move of the input to the return to rest.
     settled : bool
-        True if no drift exceeds the noise after the return to rest.
+        True if, after the return to rest, no drift exceeds the noise.
     noise : float
         Standard deviation of the output after the return to rest.
     """
@@ -135,18 +135,20 @@ def from_record(
     lag, the error of A_1 is about h² y'/12.
 
     The end of the record counts as a steady state if none of five decaying exponentials is found in it. Their time
-    constants are 1/32 to 1/2 of its length. The end is divided into sixteen pieces. An exponential is found if its
-    component in the means of the pieces exceeds 2.5 standard deviations. It is also found if its component in the means
-    of the squares, which show decaying oscillations, exceeds 5 standard deviations. Noise hides smaller transients,
-    which would make all areas too small. Therefore the steady state starts a tenth later than the time so found. In
-    simulated records of three processes the areas were about as accurate as with the best fixed time. The levels at the
-    end are means over the steady state, and the integrals end at its start.
+    constants are 1/32 to 1/2 of the length of this end. The end is divided into sixteen pieces. An exponential is found
+    if its component in the means of the pieces exceeds 2.5 standard deviations. It is also found if its component in
+    the means of the squares, which show decaying oscillations, exceeds 5 standard deviations. Noise hides smaller
+    transients, which would make all areas too small. Therefore the time from the first move of the input to the steady
+    state is made a tenth longer. In simulated records of three processes the areas were about as accurate as with the
+    best fixed start of the steady state. The levels at the end are means over the steady state, and the integrals end
+    at its start.
 
     Four errors are estimated. The first is noise during the change. The second is noise in the final level, which
     enters :math:`A_k` with the weight :math:`\tau_1^k/k!`. The third is a slow tail hidden in the steady state. Its
-    size is the largest deviation of the mean of a quarter from the whole mean. The fourth is quantisation. The noise
-    may be coloured if its correlation time is below a sixteenth of the steady state. For a record that ends before it
-    has settled, the estimate is large but still too small. Load disturbances and outliers are not detected.
+    size follows from the largest difference between the mean of a quarter of the steady state and the mean of the
+    whole. The fourth is quantisation. The noise may be coloured if its correlation time is below a sixteenth of the
+    steady state. For a record that ends before it has settled, the estimate is large but still too small. Load
+    disturbances and outliers are not detected.
 
     References
     ----------
@@ -206,7 +208,7 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
 
 
 def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[int, tuple[float, float], int]:
-    """Return the sample at which the change begins, both levels before it, and the number of samples before it."""
+    """Return the first sample of the change, the levels of u and y before it, and the number of samples before it."""
     if start is not None:
         u0, y0 = _check.pair("start", "the levels of u and y", start)
         return 0, (_check.real("start[0]", u0), _check.real("start[1]", y0)), 0
@@ -218,7 +220,7 @@ def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[i
 
 
 def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
-    """Return the sample at which the steady state begins, and True if it is steady."""
+    """Return the sample at which the steady state begins, and True if no transient is found after this sample."""
     length, least = t.size - first - 1, max(PIECES, math.ceil(SHORTEST * (t.size - first)))
     if length < least:
         raise ValueError(f"y must have more than {PIECES} samples after the first move of u, found {length}")
@@ -233,14 +235,14 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
 
 
 def _pieces(x: Array) -> tuple[Array, float]:
-    """Return the means of the pieces, relative to the last sample, and their standard deviation caused by noise."""
+    """Return the means of the pieces minus the last sample, and the standard deviation of a mean that noise causes."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
     return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # for Gaussian noise
 
 
 def _noise(x: Array, h: float) -> tuple[float, float]:
-    """Return the spectral density of low-frequency noise, and the largest deviation of a quarter's mean."""
+    """Return the spectral density of low-frequency noise, and the largest abs(mean of a quarter - mean)."""
     means, spread = _pieces(x)
     quarters = np.mean(means.reshape(4, -1), axis=1)
     return spread**2 * (x.size // PIECES) * h, float(np.max(np.abs(quarters - np.mean(means))))
@@ -280,7 +282,7 @@ def _of_samples(x: Array, weights: Array, h: float) -> Array:
 
 
 def _of_steps(x: Array, weights: Array) -> Array:
-    """Compute the same integrals for an x that is held from sample to sample."""
+    """Compute the integrals of `_of_samples` for an x that is held from sample to sample."""
     return np.diff(weights[1:-1]) @ x[:-1]
 
 
@@ -325,8 +327,8 @@ def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
     """Return (errors of the moments) / (height of a slow tail), and (height of the tail) / (drift that it causes).
 
     The tail decays like a lag. Its time constant is the standard deviation of the impulse response, which a dead time
-    does not affect. The part that is cut off is missing in the integrals, and it lowers the mean that serves as final
-    level.
+    does not affect. The integrals lack the part of the tail after their end. The tail also shifts the mean that serves
+    as final level.
     """
     gain, mean, square = values[:3]
     lag = math.sqrt(abs(2 * square / gain - (mean / gain) ** 2)) if gain else 0.0

@@ -1,7 +1,7 @@
 r"""Characteristic areas of a model (vrancic2021).
 
 The areas :math:`A_k` are the coefficients of the process about s = 0 with alternating signs, eq. (6). They are also the
-moments of its impulse response h(t), eqs. (4) and (5):
+moments of the impulse response h(t) of the process, eqs. (4) and (5):
 
 .. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
 

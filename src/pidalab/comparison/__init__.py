@@ -35,14 +35,14 @@ TEXT_WIDTHS = {"rule": 27, "kind": 5}
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of `compare`, with one row for each rule and kind, and then the optima.
+    """Result of `compare`, with one row for each rule and kind, followed by rows for the optima.
 
     Attributes
     ----------
     process : Process
         The plant.
     ms, noise_gain, sample_time : float
-        The limits of the optima.
+        The limits of the optima, and the sample time of the noise.
     rows : tuple of DesignRow
         Measured designs, see `pidalab.comparison.judging.DesignRow`.
     """
@@ -54,7 +54,7 @@ class Comparison:
     rows: tuple[DesignRow, ...]
 
     def keeps(self, row: DesignRow) -> bool:
-        """Return True if a row keeps both limits to 0.1 %.
+        """Return True if the Ms and the noise gain of a row exceed their limits by at most 0.1 %.
 
         Parameters
         ----------

@@ -1,8 +1,9 @@
 """Compare a rule, given as a function, with all rules of the library and the optima on 134 plants.
 
-`judge` evaluates the rule of a user and the rules of the library in the same way. The designs are measured first as
-published, then scaled to the same maximum sensitivity and the same noise (`pidalab.comparison.at_equal_terms`). The
-results of the library's rules and the optima are stored in tables, in units of each plant's ultimate gain and period.
+`judge` evaluates the rule of a user and the rules of the library in the same way. Each design is measured first as
+published. Then it is scaled to the same maximum sensitivity and noise (`pidalab.comparison.at_equal_terms`) and
+measured again. The results of the library's rules and the optima are stored in tables, in units of each plant's
+ultimate gain and period.
 """
 
 from __future__ import annotations
@@ -70,8 +71,8 @@ def judge(
 ) -> Iterator[dict[str, Any]]:
     """Yield the measures of a design on a plant, in units of the plant.
 
-    The first row is the design as published. The others are the design at equal terms, first with loud and then with
-    quiet noise.
+    The first row is for the design as published. The other rows are for the design at equal terms, first with the noise
+    limit "loud" and then with "quiet".
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def judge(
 
 
 def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
-    """Return the known measures in units of the plant."""
+    """Return the known measures in units of the plant's ultimate gain and period."""
     if not row.applies:
         return {"reason": row.reason}
     measures = {
@@ -114,7 +115,7 @@ def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
 
 
 def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[dict[str, Any]]:
-    """Return a design scaled to the Ms and to each noise of the comparison, loud noise first."""
+    """Return the measures of a design that is scaled to `EQUAL_MS` and to each limit of `NOISE`, first "loud"."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
         # If the previous design has the shortest filter and its noise is also below this limit, use it again.
@@ -194,7 +195,7 @@ class Benchmark:
         return pd.DataFrame(dict(zip(RANKED, columns, strict=True))).sort_values("of all")
 
     def _beside(self, terms: str) -> pd.DataFrame:
-        """Return the rows of all rules at equal terms, together with those of this rule under its name."""
+        """Return the rows of the library's rules at equal terms, followed by the rows of this rule."""
         _check.choice("terms", terms, tuple(NOISE))
         others = beside_least(stored("comparison").query("terms == @terms"))
         mine = self.rows.query("terms == @terms").assign(rule=self.name)
@@ -299,7 +300,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw how the IAE of each rule of the same kinds varies from plant to plant, and mark this rule.
+        """Draw how the IAE of each rule varies over the plants, for the kinds of this rule. Mark this rule.
 
         Parameters
         ----------
@@ -373,9 +374,9 @@ def benchmark(
     name : str, optional
         Name in tables. By default the name of the function.
     model : str, optional
-        Argument of the rule. It is ``process``, the plant itself, or the name of a model of the plant:
-        ``reaction`` (lag and dead time from the steepest tangent), ``first_order``, ``second_order`` (reductions),
-        ``third_order`` (three points of the step response), or ``integrator`` (with dead time).
+        Model of the plant that is passed to the rule: ``process`` (the plant itself), ``reaction`` (lag and dead time
+        from the steepest tangent), ``first_order``, ``second_order`` (reductions), ``third_order`` (three points of the
+        step response), or ``integrator`` (with dead time).
     plants : iterable of str, optional
         Names of plants. By default all 134.
     executor : concurrent.futures.Executor, optional

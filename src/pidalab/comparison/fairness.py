@@ -50,8 +50,8 @@ def at_equal_terms(
     Returns
     -------
     Design
-        Design with a `HighOrderPID`. `info` has the ``factor`` of the gains, ``ms``, and ``noise_gain``. The noise gain
-        is below its limit if the filter time equals the sample time.
+        Design with a `HighOrderPID`. `info` has the ``factor`` of the gains, ``ms``, and ``noise_gain``. If the filter
+        time equals the sample time, the noise gain may be below its limit.
 
     Raises
     ------
@@ -112,7 +112,10 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 
 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
-    """Search for the shortest filter time that keeps the noise within its limit. `scaled` takes its logarithm."""
+    """Search for the shortest filter time that keeps the noise within its limit.
+
+    `scaled` is a function of the logarithm of the filter time.
+    """
     tried: dict[float, tuple[float, float, HighOrderPID]] = {}
 
     def quiet(log_time: float) -> bool:
@@ -126,5 +129,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
-    # Bisect from above, since the noise jumps where the gain jumps between ranges of allowed gains.
+    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So take the quiet side.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -45,9 +45,10 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        IAE with the plant of the spread that has the largest Ms, and this Ms (of the digital loop if there is one).
+        `ms_worst` is the largest Ms with any of the other plants on which the design is tested, for the digital loop if
+        there is one. `iae_worst` is the IAE with that plant.
     price : float
-        IAE, divided by the IAE of the design without a limit of the worst Ms.
+        IAE, divided by the IAE of a design for which `ms_worst` is not limited.
     ms_sampled : float
         Maximum sensitivity of the digital loop with the model.
     relative_noise : float

@@ -1,8 +1,8 @@
 """Controllers in the forms of the papers, with filters.
 
-Every controller can return its unfiltered gains (`pidalab.forms.IdealGains`). They convert to the other forms, or raise
-an error that explains why not. Printing a controller shows all its forms. Filters convert only between forms of
-the same structure.
+Every controller can return its unfiltered gains (`pidalab.forms.IdealGains`). The gains convert to the other forms. If
+a form does not exist, an error explains why. Printing a controller shows all its forms. Filters convert only between
+forms of the same structure.
 """
 
 from pidalab.controllers.base import AutomaticReset, Controller, Fraction

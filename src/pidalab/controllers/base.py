@@ -33,9 +33,9 @@ class AutomaticReset(NamedTuple):
     time : float
         Time constant of the lag.
     stabiliser : ndarray
-        Numerator of the stabilising controller, descending powers of s.
+        Numerator of the controller without its integral action (the stabilising controller), descending powers of s.
     filter_time, filter_order : float, int
-        Time constant and order of its binomial filter.
+        Time constant and order of the binomial filter of the stabilising controller.
     """
 
     time: float
@@ -130,7 +130,7 @@ class Controller(Block):
         Returns
         -------
         tuple of FilteredGains
-            Parts of the actions that are present. One part if all gains have the same filter.
+            The parts. There is only one if all gains have the same filter.
 
         Raises
         ------
@@ -194,8 +194,8 @@ class Controller(Block):
             As in `pidalab.digital.discretise`. `Design.discretise` passes the output filter of the design.
         **options : optional
             As in `pidalab.digital.discretise`, such as set-point weights, limits and anti-windup. The default limits
-            are those of the controller. If a controller has derivatives but no proportional action, its default
-            anti-windup is "clamping".
+            are the ``limits`` of the controller plus `bias`. If a controller has derivatives but no proportional
+            action, its default anti-windup is "clamping".
 
         Returns
         -------
@@ -205,8 +205,8 @@ class Controller(Block):
         Raises
         ------
         TypeError, ValueError
-            If a value is out of its range, the sample time is too long for the method, or the output filter is not
-            equal lags of gain 1.
+            If a value is out of its range, the sample time is too long for the method, or the output filter does not
+            consist of equal lags of gain 1.
 
         Examples
         --------

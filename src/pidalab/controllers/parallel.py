@@ -48,9 +48,9 @@ class PIDA(Controller):
     .. math:: C(s) = k_p \left(1 + \frac{1}{t_i s} + \frac{t_d s}{\frac{t_d}{n} s + 1}
               + \frac{t_a s^2}{\left(\frac{t_a}{m} s + 1\right)^2}\right)
 
-    ``ta = 0`` gives a PID controller, and ``td = ta = 0`` a PI controller. On a process of first order (unit gain and
-    lag) the filtered acceleration causes a second peak of \\|L\\| at the frequency m/ta, far above the crossover. Its
-    height is about kp m/2. `pidalab.margins` take the peak into account.
+    ``ta = 0`` gives a PID controller, and ``td = ta = 0`` a PI controller. On the process 1/(s + 1) the filtered
+    acceleration causes a second peak of \\|L\\| at the frequency m/ta, far above the crossover. Its height is about kp
+    m/2. `pidalab.margins` take the peak into account.
 
     ============  =======================
     haalman2024   argument
@@ -74,8 +74,9 @@ class PIDA(Controller):
     ta : float, optional
         Acceleration time constant in squared time units, not negative. By default 0.
     n, m : float, optional
-        `td` and `ta`, divided by the time constants of their filters. Above 0. As in the paper, ``ta/m`` is a time
-        although `ta` is a squared time, so `m` has the unit of time. The default 10 suits lags near 1.
+        The filters have the time constants ``td/n`` and ``ta/m``, with `n` and `m` above 0. As in the paper, `ta` is a
+        squared time but ``ta/m`` is a time, so `m` has the unit of time. The default 10 suits processes with lags near
+        1.
 
     Raises
     ------
@@ -149,7 +150,7 @@ class NonInteractivePIDA(Controller):
     tau_d, tau_a : float
         Derivative and acceleration time, not negative.
     alpha_d, alpha_a : float, optional
-        Filter time constants as shares of `tau_d` and `tau_a`, above 0.
+        Filter time constants divided by `tau_d` and by `tau_a`, above 0.
 
     Raises
     ------

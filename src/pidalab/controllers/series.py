@@ -96,7 +96,7 @@ class SeriesPIDA(Controller):
         Returns
         -------
         AutomaticReset
-            The reset of time constant ti around the PDA controller.
+            The automatic reset with the time constant ti and the PDA controller as stabiliser.
 
         Examples
         --------
@@ -111,7 +111,7 @@ class SeriesPIDA(Controller):
     def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
         """Compute the state of the automatic reset from the limited control signal, eq. (3).
 
-        If an integrating process is at rest, this state is the negative of the load, and so estimates the load.
+        If an integrating process is at rest, this state equals minus the load, so it estimates the load.
 
         Parameters
         ----------

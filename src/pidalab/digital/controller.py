@@ -30,13 +30,14 @@ class DigitalController(Parameters):
     .. math:: u_k = \operatorname{sat}(\mathrm{bias} + p_k + i_k), \qquad
               i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
 
-    where p is the sum of the paths and :math:`\varepsilon` the error. With automatic reset, :math:`\varepsilon_k` is p,
-    and :math:`\varepsilon_{k-1}` is the previous limited signal minus bias and integral. While the control signal is at
-    a limit, `anti_windup` determines how the integral is corrected.
+    where p is the sum of the paths and :math:`\varepsilon` the error. With automatic reset, the formula has :math:`p_k`
+    in place of :math:`\varepsilon_k`, and :math:`u_{k-1} - \mathrm{bias} - i_{k-1}` (less any feedforward) in place of
+    :math:`\varepsilon_{k-1}`. While the control signal is at a limit, `anti_windup` determines how the integral is
+    corrected.
 
-    The first call of ``step`` starts without a bump. (A controller without integral action starts with its own signal
-    instead of `bias`.) In manual mode the control signal is the given value, and the integral tracks it. ``step``
-    stores its states in the object. Simulations keep separate states.
+    The first call of ``step`` starts without a bump. It returns `bias`, or bias + p if there is no integral action. In
+    manual mode the control signal is the given value, and the integral tracks it. ``step`` stores its states in the
+    object. Simulations keep separate states.
 
     Parameters
     ----------
@@ -161,7 +162,7 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart from rest, at the given signals or at those of the next call of ``step``.
+        """Restart. The controller is then at rest at the given signals, or at the signals of the next call of ``step``.
 
         Parameters
         ----------
@@ -243,12 +244,13 @@ class DigitalController(Parameters):
     ) -> float:
         """Advance the controller by one sample, exactly as the written code does.
 
-        The first call starts without a bump. It returns `bias`, and filters and integral rest at the given signals. In
-        contrast, `pidalab.simulate_sampled` starts from rest at the working point. To start so here, call
-        ``reset(r=y_offset, y=y_offset)`` first.
+        The first call starts without a bump: filters and integral are at rest at the given signals, and `bias` is
+        returned. Simulations with `pidalab.simulate_sampled` start at rest at the working point instead. To start like
+        them, call ``reset(r=y_offset, y=y_offset)`` first.
 
-        A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped. States and control signal keep
-        their values, and ``fault`` is True. The next valid sample continues from these values.
+        A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped, and ``fault`` is True. Filters
+        and integral keep their values. A valid `manual` still sets the control signal, which otherwise keeps its value.
+        The next valid sample continues from these values.
 
         Parameters
         ----------

@@ -64,8 +64,8 @@ def discretise(
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
     without proportional action. It also suits loops in which u stays at a limit for long and must leave the limit late.
-    *back-calculation* with a short `tracking_time` leaves a limit early. With each of these three words the controller
-    always leaves the limit. Use None only for actuators without limits.
+    *back-calculation* with a short `tracking_time` leaves a limit early. With each of these three methods the
+    controller always leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def discretise(
         or the integral time if there is no derivative. For integral action alone it is 0, so the integral stays at the
         limit.
     deadband : float, optional
-        Errors up to this size count as zero, and larger errors are reduced by it. At least 0, in units of y.
+        Errors up to this size count as zero, and larger errors are reduced by this size. At least 0, in units of y.
     bias : float, optional
         Control signal at the working point, with which the controller starts.
     y_offset : float, optional
@@ -98,7 +98,7 @@ def discretise(
         Filter of the set point, stable and of static gain 1. It is discretised with the same method, also runs in
         manual mode, and starts at rest at the first set point.
     output_filter : OutputFilter or control.TransferFunction, optional
-        A filter of the control signal, which must be equal lags of gain 1. It becomes a part of the controller.
+        A filter of the control signal, which must consist of equal lags of gain 1. It becomes a part of the controller.
     feedforward : bool, optional
         True if ``step`` and the written code have a further input that is added to the control signal before the
         limits.
@@ -229,7 +229,7 @@ def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float]
 def _back_calculation_gain(
     parts: tuple[FilteredGains, ...], h: float, way: str | None, time: float | None
 ) -> float:
-    """Return the share of the part cut off by a limit that is added to the integral."""
+    """Return (correction of the integral) / (part of the control signal that a limit cut off)."""
     if way in (None, "clamping"):
         return 0.0
     if time is None:

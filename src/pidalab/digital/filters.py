@@ -10,8 +10,8 @@ along a chain of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference that ends at the last state. Lags with different time constants, as of a filtered
-derivative in series with an output filter, also form one chain. A derivative then also needs gains on lower
+which is the j-th difference that ends at the last state. Lags with different time constants, such as those of a
+filtered derivative in series with an output filter, also form one chain. A derivative then also needs gains on lower
 differences. These formulas apply to the methods *backward* and *tustin*, which substitute an expression for s. The
 method *zoh* is exact for a held input. It uses the same differences with other gains.
 
@@ -26,7 +26,7 @@ zoh        0                        1 - exp(-h/T_F)        :math:`h\,e_{k-1}`
 *Prefilter.* Let :math:`\tau` be the geometric mean of the time constants of the prefilter, and :math:`p = 1 + \tau s`.
 The denominator is written as a polynomial of p, and the states are
 :math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)` for i < n. At rest all states equal the set point r, and
-:math:`\dot x = A (x - r)`. Each method moves the states in proportion to their distances from the set point,
+:math:`\dot x = A (x - r)`. Each method moves the states in proportion to their distances from a target :math:`v_k`,
 
 .. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
 
@@ -243,7 +243,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     rates = h / lags
     poles, shares = np.exp(-rates), -np.expm1(-rates)
     fastest = rates.max(axis=-1)[..., None]
-    # Shift the diagonal of the generator of input and states to 0 or above, so that its series has no cancellation.
+    # Shift the diagonal of the generator of input and states to 0 or above, so that the exponential series has no
+    # cancellation.
     shifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
     diagonal, after = np.arange(n + 1), np.arange(1, n + 1)
     shifted[..., diagonal, diagonal] = fastest - np.insert(rates, 0, 0.0, axis=-1)
@@ -291,7 +292,7 @@ class Prefilter(NamedTuple):
     move : tuple of tuple of float
         M, row by row.
     out : tuple of float
-        Gains on the distances of the states from the set point. Their sum is added to the set point.
+        Gains on (state - set point). The sum of these products is added to the set point.
     """
 
     num: tuple[float, ...]

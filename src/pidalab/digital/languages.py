@@ -1,6 +1,6 @@
 """Print the statements of a step in a language, and compile the Python form for use in this process.
 
-The other languages, and the files around a step, are in `pidalab.plant.code`.
+The other languages, and the complete files with a step, are in `pidalab.plant.code`.
 """
 
 from __future__ import annotations

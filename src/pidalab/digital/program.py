@@ -1,15 +1,15 @@
 """The step of a digital controller as a list of statements for its actions and options.
 
-The step has no other description. The statements are written as code in several languages, run as Python by ``step``,
-and compiled for simulations (`pidalab.simulation.operations`). Their order is: checks of the inputs, prefilter,
-deadband, filter chains, tracking, integral, limits of rate and range, anti-windup.
+This description of the step is the only one. The statements are written as code in several languages, run as Python by
+``step``, and compiled for simulations (`pidalab.simulation.operations`). The order of the statements is: checks of the
+inputs, prefilter, deadband, filter chains, tracking, integral, limits of rate and range, anti-windup.
 
 The step is defined for any input. The control signal is always a number within the limits. A sample with an input that
-is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped. States and control signal then keep their values, and `fault` is
-true. For all other inputs nothing overflows.
+is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped, and `fault` is true. Filters and integral keep their values. The
+control signal also keeps its value, unless manual mode sets it. No valid input causes an overflow.
 
 An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``. Every language has
-equivalents. All names come from this module.
+equivalents of these. All names come from this module.
 """
 
 from __future__ import annotations
@@ -126,9 +126,10 @@ def constants(k: Parameters) -> dict[str, float]:
 
 @lru_cache(maxsize=64)
 def program(k: Parameters, block: bool = False) -> Program:
-    """Return the step of a controller. With `block`, a filter outside the program computes `summed` from the error.
+    """Return the step of a controller.
 
-    The result is cached and shared, so do not change it.
+    With `block`, the program does not compute `summed`. A filter outside it computes `summed` from the error. The
+    result is cached and shared, so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}

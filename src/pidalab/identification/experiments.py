@@ -23,8 +23,8 @@ MOST_ENDS = 400  # largest number of intervals of a record to which a ramp is fi
 # A record has settled if the mean changes by less than this share between its last two tenths.
 STILL_MOVING = 0.01
 NOISY = 0.01  # with more noise, relative to the whole change, single samples mislead
-# If the gain of the record exceeds that of the model by a larger share, the loop with the process has a clearly larger
-# Ms.
+# If the gain of the record exceeds the gain of the model by a larger share, Ms is clearly larger with the process than
+# with the model.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -87,8 +87,8 @@ def three_point(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0. A `Record` may be given instead, which has its own output,
-        step and rest level.
+        Uniform times with the step of the input at t = 0. A `Record`, which has its own output, step and
+        rest level, may be given instead.
     y : array_like, shape (n,), optional
         Output, from rest to rest. The rest value is the first sample, and the final value is the mean of the last
         tenth.
@@ -114,15 +114,16 @@ def three_point(
     For more noise use `pidalab.identification.fit`, which uses all samples.
 
     The formulas of eq. (5) lose a dead time that is short compared with the dominant lag. With τ = 1, L = 0.25 and
-    α = 0.9 they give α = 0.31. The step responses differ only by 3 %. However, the controller that the paper's rule
-    gives for this model and Ms = 1.4 reaches Ms = 2.99 with the process. `excess_gain` shows this error.
+    α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %. However, the controller
+    that the paper's rule gives for this model and Ms = 1.4 reaches Ms = 2.99 with the process. `excess_gain` shows this
+    error.
 
     Raises
     ------
     TypeError, ValueError
         If the record never moves, still moves at its end, already moves at its beginning, or overshoots by more than
-        10 %; if the model does not fit its shape (alpha outside [0, 1], or a time constant that is not positive); or if
-        a Record has no step or is given together with y or step.
+        10 %; if the model does not fit the shape of the record (alpha outside [0, 1], or a time constant that is not
+        positive); or if a Record has no step or is given together with y or step.
 
     Warns
     -----
@@ -180,8 +181,8 @@ def ipdt_tangent(
 ) -> Process:
     r"""Approximate the steepest segment of a step response by an integrator with dead time.
 
-    The straight line through the segment has the slope K step, and reaches the rest level at the dead time L. The model
-    is :math:`K e^{-Ls}/s`. It describes the beginning of the response, even if the process settles later.
+    The straight line through the segment has the slope K times `step`, and reaches the rest level at the dead time L.
+    The model is :math:`K e^{-Ls}/s`. It describes the beginning of the response, even if the process settles later.
 
     ============  ===========================
     huba2018      result
@@ -193,8 +194,8 @@ def ipdt_tangent(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0. A `Record` may be given instead, which has its own output,
-        step and rest level.
+        Uniform times with the step of the input at t = 0. A `Record`, which has its own output, step and
+        rest level, may be given instead.
     y : array_like, shape (n,), optional
         Output. Its first sample is the rest level.
     step : float, optional
@@ -202,9 +203,9 @@ def ipdt_tangent(
     span : float, optional
         Length of the segment in time, rounded to whole steps of t. The default is one sample interval, which suits a
         record without noise. The relative errors of slope and dead time are then of the order of the squared sample
-        time, or of the sample time if the record is steepest at a corner. In a noisy record the steepest short segment
-        is noise. Give a longer segment, to which a line is fitted by least squares. For a Record with noise the default
-        is a third of the rise time.
+        time, or of the sample time if the record is steepest at a corner. In a noisy record the slope of a short
+        segment is mostly noise. Give a longer `span`. A line is then fitted by least squares. For a Record with noise
+        the default is a third of the rise time.
 
     Returns
     -------
@@ -304,8 +305,8 @@ def ipdt_least_squares(
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
     The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. It is fitted to the record
-    from 0 to t_1. The t_1 with the largest gain K is used, since this is cautious for tuning (huba2024, sec. 3.1). The
-    record is not differentiated, so noise has little effect.
+    from 0 to t_1. The fit with the largest gain K is used, since a large gain makes the tuning cautious (huba2024, sec.
+    3.1). The record is not differentiated, so noise has little effect.
 
     ============  ===========================
     huba2024      result
@@ -317,8 +318,8 @@ def ipdt_least_squares(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0. A `Record` may be given instead, which has its own output,
-        step and rest level.
+        Uniform times with the step of the input at t = 0. A `Record`, which has its own output, step and
+        rest level, may be given instead.
     y : array_like, shape (n,), optional
         Output. Its first sample is the rest level. If the record is noisy, set this sample to the mean before the step.
     step : float, optional
@@ -389,7 +390,7 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     # If the minimum is outside the interval, one of its ends is best.
     delay, i = np.concatenate([inside, t[i - 1], t[i]]), np.tile(i, 3)
     square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
-    best = int(np.argmax(product**2 / square))  # this reduces the sum of squares most
+    best = int(np.argmax(product**2 / square))  # this ramp reduces the sum of squares most
     return float(product[best] / square[best]), float(delay[best])
 
 

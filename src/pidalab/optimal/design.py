@@ -222,8 +222,8 @@ def _best(
     -----
     The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that approach the
     limits. Each kind is tried with increasing units of time, until the IAE of the search agrees with the simulated IAE
-    to `SAME_IAE`. `best` is the best design so far. The family is considered only after a search without it, since the
-    limit of the family is rarely active.
+    to `SAME_IAE`. The family is considered only after a search without it, since the limit of the family is rarely
+    active.
     """
     import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits

@@ -361,7 +361,7 @@ class SampledNoise:
         In 1 + L, the unstable poles of L are moved inside the circle.
         """
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
-        # The function is real at both ends.
+        # The function is real at both ends of the half circle.
         return abs(turned(np.append(f[0].real, f))) > 0.5 * np.pi
 
     def _expand(self) -> None:

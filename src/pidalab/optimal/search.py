@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The candidates for starts form two families. The first family consists of PI and PID controllers with filters of several
-speeds. The controllers of the second family have all zeros at one place below a chosen crossover, for plants that need
-derivative or acceleration to be stable.
+speeds. The second family is for plants that are stable only with derivative or acceleration. The zeros of its
+controllers are all equal, and below a chosen crossover.
 """
 
 from __future__ import annotations
@@ -38,12 +38,10 @@ FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
 LARGEST_GAIN = 1e6  # in the units of gain of the problem
 SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the problem
 VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
-SPARE = (
-    2e-5  # the search lowers each limit by this relative amount, since a peak may lie between two frequencies
-)
-AROUND = np.array(
-    [0.94, 0.98, 1.0, 1.02, 1.06]
-)  # frequencies around a peak, divided by the frequency of the peak
+# The search lowers each limit by this relative amount, since a peak may lie between two of its frequencies.
+SPARE = 2e-5
+# Frequencies around a peak, divided by the frequency of the peak.
+AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
 BETWEEN = 0.01  # a frequency is not added if the relative distance to an existing frequency is smaller
 NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of an intermediate and of a final descent

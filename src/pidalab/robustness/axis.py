@@ -168,7 +168,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
 
 
 def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
-    """Return the frequencies where |L| = 1, ascending, and the frequencies of extrema of |L| near 1."""
+    """Return the frequencies where |L| = 1, ascending, and those at which an extremum of |L| is near 1."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
         _, num, den = at(w)
@@ -276,7 +276,7 @@ class Axis(ABC):
 
     @cached_property
     def gain_crossings(self) -> tuple[Array, Array]:
-        """Return the frequencies of the gain crossovers, and the frequencies of extrema of |L| near 1."""
+        """Return the gain crossovers, and the frequencies at which an extremum of |L| is near 1."""
         return gain_crossings(self.at, self.on_grid)
 
     @property
@@ -330,7 +330,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies near the fastest gain crossovers. There L comes near -1, since its phase turns quickly."""
+        """Return frequencies near the fastest gain crossovers. There L comes near -1, since L turns quickly."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers

@@ -53,9 +53,8 @@ class SampledPlant(NamedTuple):
     """A process between a hold and a sampler, in coordinates in which the transition matrix is triangular."""
 
     transition: Any  # (n, n), upper triangular
-    inputs: list[
-        tuple[Any, int]
-    ]  # for each piece: effect of the input (n,), and age of this input in samples
+    # For each piece of a sample interval: effect of the input (n,), and age of this input in samples.
+    inputs: list[tuple[Any, int]]
     output: Any  # (n,)
     direct: float
 

@@ -25,7 +25,7 @@ class Design:
 
     Every rule's ``tune`` returns a design. `info` contains further results of the rule, such as a predicted IAE. Each
     entry of `info` is also an attribute, such as ``design.iae``. ``design.ms`` is always the maximum sensitivity of the
-    loop, which is infinite if the loop is unstable. A requested value is called ``ms_asked``.
+    loop, which is infinite if the loop is unstable. If an Ms was requested, it is ``design.ms_asked``.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class Design:
         Returns
         -------
         VendorForms
-            As from the controller's method of this name.
+            As for ``controller.vendor_forms``.
 
         Raises
         ------

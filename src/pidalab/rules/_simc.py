@@ -181,11 +181,12 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 
     Notes
     -----
-    The rule for a zero in the left half-plane depends on the effective dead time, which depends on this rule. Therefore
-    the reduction is repeated until the dead time no longer changes. The paper does not say where to start, and several
-    dead times may be consistent. Here the start is the dead time of the model. If there is none, it is the effective
-    dead time of the lags alone. This start reproduces the examples of the paper. If the iteration is periodic, the
-    longest dead time is used, which is cautious.
+    The rule for a zero in the left half-plane depends on the effective dead time, and the effective dead
+    time depends on the result of this rule. Therefore the reduction is repeated until the dead time no longer changes.
+    The paper does not say where to start, and several dead times may be possible results. Here the start is the dead
+    time of the model. If the model has no dead time, it is the effective dead time of the lags alone. This start
+    reproduces the examples of the paper. If the iteration is periodic, the longest dead time is used, which is
+    cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -244,7 +245,7 @@ def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep:
     split = max(keep - integrators, 0)
     kept, neglected = lags[:split], lags[split:]
     if neglected:
-        if kept:  # has no effect if the smallest kept lag is an integrator
+        if kept:  # if `kept` is empty, the smallest kept lag is an integrator, which does not change
             kept[-1] += neglected[0] / 2
         dead += sum(neglected) - neglected[0] / 2
     return Reduced(gain, tuple(kept), dead, integrators)

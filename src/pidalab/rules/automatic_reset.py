@@ -1,7 +1,8 @@
 r"""Series PI, PID and PIDA controllers with automatic reset for an integrator with dead time (huba2024).
 
 The module `pidalab.rules.mrdp` gives the controller in parallel form that places m + 3 poles of the loop at one point.
-Here its numerator N(x), with :math:`x = T_d s`, is factored into the stabilising controller and the reset,
+Here the numerator N(x) of this controller, with :math:`x = T_d s`, is factored into the stabilising controller and the
+reset,
 
 .. math:: N(x) = \frac{\kappa}{\tau_i} (1 + \tau_D x + \tau_A x^2)(1 + \tau_i x).
 
@@ -12,8 +13,8 @@ two real zeros, and PIDA has one real zero,
 
 and a complex pair with the real part :math:`-3 - y/2`. The reset of this PIDA is slow. PIDA_1 sets the imaginary part
 of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and the reset
-takes one of the two zeros, eqs. (27)-(29). PIDA_2 does the same with 1.5 τ_2. The gains of PPM-PIDA, eq. (25), are
-printed in the paper as the result of a search.
+takes one of the two zeros, eqs. (27)-(29). PIDA_2 has a double zero with the time constant 1.5 τ_2. The paper found the
+gains of PPM-PIDA by a search, and prints them in eq. (25).
 
 A `Setting` contains the dimensionless parameters. `tune` converts any setting to a controller.
 """
@@ -198,8 +199,8 @@ def tune(
     Design
         Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` applies
         the limits. All other functions use the linear loop within the limits. The filter is part of the controller, so
-        it also filters the set point. The paper does not say if it should, but load and noise responses are not
-        affected. `info` has
+        it also filters the set point. The paper does not say whether the set point should be filtered. The responses to
+        load and noise do not depend on this. `info` has
 
         - ``setting``, ``n``, ``filter_time``: the arguments,
         - ``te``: the dead time that represents the filter, or 0 if the model includes it,

@@ -149,7 +149,8 @@ def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
     Parameters
     ----------
     model : Process
-        `fopdt` or `ipdt` with dead time above 0. The slope R of its tangent is K/T or the velocity gain.
+        `fopdt` or `ipdt` with dead time above 0. The slope R of the tangent is K/T (`fopdt`) or the velocity gain
+        (`ipdt`).
     kind : {"PI", "PID"}, optional
         Kind of controller.
 
@@ -194,8 +195,8 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
     Raises
     ------
     ValueError
-        If the process has no ultimate gain. Its phase then never reaches -180 degrees, it is unstable, or every gain
-        makes it unstable (as with a double integrator).
+        If the process has no ultimate gain: its phase never reaches -180 degrees, it is unstable, or every gain makes
+        the loop unstable (as with a double integrator).
 
     Examples
     --------
@@ -256,8 +257,8 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     1.357 T to 1.35 T.
 
     The authors used an analogue computer and a lag with dead time. Exact simulation with this model, a filter of td/10
-    and T/L from 4 to 50 gives other overshoots than the names say. With the settings for 0 %, the overshoot after a
-    set-point step is at most 2 %. After a load step it is 0 % (PI) and up to 9 % (PID) of the largest deviation. With
+    and T/L from 4 to 50 gives overshoots that differ from 0 % and 20 %. With the settings for 0 %, the overshoot after
+    a set-point step is at most 2 %. After a load step it is 0 % (PI) and up to 9 % (PID) of the largest deviation. With
     the settings for 20 %, it is 11.6 % (PI) and 27 to 39 % (PID) after a set-point step. After a load step it is 9 to
     40 % (PI) and 5 to 11 % (PID).
 

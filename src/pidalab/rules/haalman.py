@@ -25,9 +25,9 @@ FILTER_RATIO = 0.05  # (time constant of the output filter) * (gain crossover fr
 def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = None) -> PIDA:
     """Design a PIDA controller for a third-order model with dead time.
 
-    The integral, derivative and acceleration times cancel the poles of the model, eq. (8):
-    ``ti = a1``, ``td = a2/a1``, ``ta = a3/a1``. The gain is the smallest with which the loop of the model and the
-    filtered controller, eq. (2), reaches the maximum sensitivity. This loop does not contain the output filter (9).
+    The integral, derivative and acceleration times cancel the poles of the model, eq. (8): ``ti = a1``, ``td = a2/a1``,
+    ``ta = a3/a1``. The gain is the smallest for which the loop of model and filtered controller, eq. (2), has the
+    maximum sensitivity `ms`. This loop does not contain the output filter (9).
 
     ============  ======================================
     haalman2024   here
@@ -37,8 +37,8 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     N, M          `n`, `m`
     ============  ======================================
 
-    Use the controller with `output_filter` or with a prefilter of the set point. Without these, a set-point step moves
-    the control signal to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
+    Use the controller with `output_filter` or with a prefilter of the set point. Without either of them, a set-point
+    step moves the control signal to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
 
     Parameters
     ----------

@@ -2,23 +2,25 @@ r"""Explicit ITAE tuning of PID and PIDA controllers for a second-order model wi
 
 The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` stands
 for :math:`\theta/\tau`. All functions except `imc_pid` raise a ValueError if the model has another structure, or is
-outside 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. Some formulas are corrected, compared with the text as we read it:
+outside 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following
+formulas differ from the paper as we read it, since either the print or our reading is wrong:
 
 * Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. For a
   short dead time Table 2 then gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
 * Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left side, gives the integral time for r > 1.
   It continues the formula for r ≤ 1, with a jump of 1.4 %.
 * Table 3: both exponentials have a negative argument, as in Table 2.
-* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the two formulas differ by 0.003. At
-  ξ = 0.9 they would differ by 29 for r = 0.1, and for ξ = 0.3 and r = 2 the gain would have the wrong sign.
+* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the two formulas differ by 0.003. If
+  the formula changed at ξ = 0.9, the gain would jump by 29 for r = 0.1, and it would have the wrong sign for ξ = 0.3
+  and r = 2.
 * Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
 The printed tunings require the first, third and last correction. No printed tuning tests the others. All constants, and
 the jumps between branches, are as printed. The largest jump, of 13 %, is in the gain of Table 2 at ξ = 0.9 for r = 2.
 
-`setpoint_factors` and `load_factors` are not from the paper. They return refitted f_d and f_a. The module `direct`
-replaces the PID tables, which limit the rule, by one formula for the whole range.
+`setpoint_factors` and `load_factors` are not from the paper. They return f_d and f_a from our own fits. With the PID
+tables, the ITAE stays well above the least. The module `direct` does not use the tables and comes closer.
 """
 
 from __future__ import annotations
@@ -60,7 +62,7 @@ def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     model : Process
         `sopdt` within the range at the top of this module.
     alpha_d : float, optional
-        Filter time constant as a share of the derivative time, above 0.
+        Filter time constant divided by the derivative time, above 0.
 
     Returns
     -------
@@ -98,7 +100,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     model : Process
         `sopdt` within the range at the top of this module.
     alpha_d : float, optional
-        Filter time constant as a share of the derivative time, above 0.
+        Filter time constant divided by the derivative time, above 0.
 
     Returns
     -------
@@ -155,15 +157,15 @@ def pida_setpoint(
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
     The default `factors` are computed from the given model. The ratio r of the changed model may be as small as 0.057,
-    outside the range of the table. The paper does the same. The factor of the acceleration time is corrected (see the
-    top of this module).
+    outside the range of the table. The paper also uses the table there. The factor of the acceleration time is
+    corrected (see the top of this module).
 
     Parameters
     ----------
     model : Process
         `sopdt` within the range at the top of this module.
     alpha_d, alpha_a : float, optional
-        Filter time constants as shares of the derivative and acceleration time, above 0.
+        Filter time constants divided by the derivative and by the acceleration time, above 0.
     factors : tuple of float, optional
         Factors f_d and f_a. By default those of Table 1, as the function `factors` computes them.
 
@@ -175,8 +177,8 @@ def pida_setpoint(
     Raises
     ------
     TypeError, ValueError
-        If the factors are not two numbers, or f_a is below 0. Also if f_d leaves no dead time, no time constant, or a
-        ratio for which the table gives a value that is not positive.
+        If the factors are not two numbers, or f_a is below 0. Also if the changed model has no dead time or no time
+        constant, or if the table gives a value that is not positive for its r.
 
     Examples
     --------
@@ -196,9 +198,9 @@ def pida_load(
 ) -> NonInteractivePIDA:
     r"""Design a PIDA controller for load disturbances, by Table 3 for the changed model of eq. (9).
 
-    The paper found the factors for set-point steps and uses them for loads, too. Then even the loop with the model
-    itself is unstable in parts of the range: for ξ = 0.3 with r ≤ 0.35, for ξ = 0.7 with r ≤ 0.2, for ξ = 1 with
-    r = 0.1, and for ξ = 2 with r ≥ 1.75. Check `pidalab.margins`.
+    The paper found the factors for set-point steps and uses them for loads, too. With these factors, even the loop with
+    the model itself is unstable in parts of the range: for ξ = 0.3 with r ≤ 0.35, for ξ = 0.7 with r ≤ 0.2, for ξ = 1
+    with r = 0.1, and for ξ = 2 with r ≥ 1.75. Check `pidalab.margins`.
 
     Parameters
     ----------
@@ -243,7 +245,7 @@ def tune(
     kind : {"PIDA", "PID"}, optional
         Kind of controller.
     alpha_d, alpha_a : float, optional
-        Filter time constants as shares of the derivative and acceleration time, above 0. A PID ignores `alpha_a`.
+        Filter time constants divided by the derivative and by the acceleration time, above 0. A PID ignores `alpha_a`.
 
     Returns
     -------
@@ -284,10 +286,10 @@ def setpoint_factors(model: Process) -> Factors:
        f_d &= 0.345 - 0.050\,\ell - 0.459\,x - 0.188\,\ell x, & f_a &= 0.989 + 0.231\,\ell - 0.262\,x - 0.237\,\ell x
        && \xi > 0.9
 
-    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. The formulas change where the gain of Table 2 does. On 40 models
-    that were not used in the fit, the ITAE, divided by the least ITAE of any PIDA controller of this form, is 1.68
-    (geometric mean) and at most 2.52. With Table 1 the ratio is 1.74 and at most 3.25. Ms is at most 2.5, except for ξ
-    just above 0.9 with r near 2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
+    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. The formulas change at ξ = 0.9, as the gain of Table 2 does. On
+    40 models that were not used in the fit, the ITAE, divided by the least ITAE of any PIDA controller of this form, is
+    1.68 (geometric mean) and at most 2.52. With Table 1 the ratio is 1.74 and at most 3.25. Ms is at most 2.5, except
+    for ξ just above 0.9 with r near 2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
 
     Parameters
     ----------
@@ -324,10 +326,10 @@ def load_factors(model: Process) -> Factors:
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
               \qquad \ell = \ln r, \quad x = \ln \xi
 
-    No dead time is subtracted. The PID part of Table 3 is unchanged, and the acceleration makes it robust. Every loop
-    of the range is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ITAE, divided by the
-    least ITAE of a PIDA controller with Ms up to 2, is 1.53 (geometric mean) and at most 1.91. With Table 1 seven of
-    these loops are unstable. `direct.load` is closer to the least ITAE.
+    Since f_d = 0, Table 3 is applied to the given model itself. The PID settings are those of `pid_load`, and the
+    acceleration makes the loop robust. Every loop of the range is stable, with Ms up to 2.4. On 40 models that were not
+    used in the fit, the ITAE, divided by the least ITAE of a PIDA controller with Ms up to 2, is 1.53 (geometric mean)
+    and at most 1.91. With Table 1 seven of these loops are unstable. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------
@@ -365,9 +367,9 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     Parameters
     ----------
     model : Process
-        Stable `fopdt` with dead time above 0. Its ratio has no limits.
+        Stable `fopdt` with dead time above 0. The ratio θ/τ has no limits.
     alpha_d : float, optional
-        Filter time constant as a share of the derivative time, above 0.
+        Filter time constant divided by the derivative time, above 0.
 
     Returns
     -------

@@ -7,9 +7,10 @@ has coefficients that are linear in the gains, eqs. (13) and (14). The m + 2 gai
 .. math:: \sum_{c=0}^{m+1} (-1)^{c+1} A_{2r+1-c} K_{c-1} = \begin{cases} -\tfrac12 & r = 0 \\ 0 & r = 1 \dots m+1,
           \end{cases}
 
-eqs. (15) and (16). Areas with a negative index are 0, and the areas include the filter. So 2m + 4 areas are needed. The
-system is solved in exact fractions, because its condition number grows more than a hundredfold with each m. It is
-singular if the controller could cancel every pole of process and filter, since the gains are then unbounded.
+eqs. (15) and (16). Areas with a negative index are 0, and the areas include the filter. The last condition contains
+:math:`A_{2m+3}`, so 2m + 4 areas are needed. The system is solved in exact fractions, because its condition number
+grows more than a hundredfold if m rises by 1. It is singular if the controller could cancel every pole of process and
+filter, since the gains are then unbounded.
 
 The conditions concern low frequencies and do not make the loop stable. If the delay dominates or the process
 oscillates, the loop is unstable for some m. The functions here then raise an error if a process is given.
@@ -56,7 +57,7 @@ LOST = 1e-3  # largest accepted relative error of a gain caused by rounding the 
 def gains(areas: ArrayLike, m: int) -> Array:
     r"""Compute gains from the areas of process and filter in series, eqs. (14) to (17).
 
-    For a filter that is not binomial, such as eq. (47), add its areas with `pidalab.areas.with_filter` first.
+    For a filter that is not binomial, such as eq. (47), compute the areas with `pidalab.areas.with_filter`.
 
     Parameters
     ----------
@@ -267,9 +268,9 @@ def tune_for_noise(
 
     Notes
     -----
-    With the start and the updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all 18 in Table
-    6, agree with the paper within a unit of the last digit. Settled values differ from the paper by up to four units in
-    the rows that settle slowly (n = m, and m = 4).
+    With the start and the updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all
+    18 in Table 6, agree with the paper within a unit of the last digit. Settled values differ from the paper by up to
+    four units of the last digit in the rows that settle slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -307,8 +308,8 @@ def tune_for_filter_noise(
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
     (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form, without the
-    asymptotes of eq. (26). `pidalab.noise_gain` includes the loop. It differs by a few per cent if the filter is not
-    much faster than the loop.
+    asymptotes of eq. (26). `pidalab.noise_gain` includes the loop. The two results differ by a few per cent if the
+    filter is not much faster than the loop.
 
     For n above m + 1 the estimate (32) uses as little as a third of the allowed noise gain (column σ_rel of Table 4).
 
@@ -333,7 +334,8 @@ def tune_for_filter_noise(
     Raises
     ------
     TypeError, ValueError
-        As for `tune`, and if no filter time within five decades of the start of `tune_for_noise` gives this noise gain.
+        As for `tune`, and if no filter time within a factor of e^10 of the start of `tune_for_noise` gives this noise
+        gain.
 
     Examples
     --------

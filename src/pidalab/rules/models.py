@@ -83,7 +83,7 @@ class StartingModels:
 
     @cached_property
     def reaction(self) -> Process:
-        """Model with the dead time of the steepest tangent and the lag of the 63 % point, or an integrator."""
+        """Lag with dead time, from the steepest tangent and 63 % of the step response, or an integrator."""
         if not self._settles():
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:

@@ -15,7 +15,7 @@ The sums of the Taylor polynomial telescope. With :math:`a = -x_o` and the trunc
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right),
 
-for every m. In double precision it is accurate to 14 digits for m up to at least 24. In particular
+for every m. In double precision the formula is accurate to 14 digits for m up to at least 24. In particular
 :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`.
 """
 
@@ -200,8 +200,8 @@ MRDP_SOURCES = {
 def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None) -> Design:
     r"""Tune PID_n^m and its prefilter for an integrator with dead time, sec. II.B.
 
-    The rule does not ensure that the loop is stable. For m of 2 and more it is unstable if `te` is too short compared
-    with the dead time (see `smallest_te`).
+    The rule does not ensure that the loop is stable. For m of 2 and more the loop is unstable if `te` is too short
+    compared with the dead time (see `smallest_te`).
 
     Parameters
     ----------
@@ -321,8 +321,8 @@ def smallest_te(m: int, n: int) -> float:
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
-    and there the phase of the dead time passes through all values. So the loop is stable, roughly, if this maximum is
-    below 1. The function starts from this estimate and bisects with the argument principle.
+    and near this maximum the phase of the dead time passes through all values. So the loop is stable, roughly, if this
+    maximum is below 1. The function starts from this estimate and bisects with the argument principle.
 
     Parameters
     ----------

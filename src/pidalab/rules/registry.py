@@ -37,7 +37,7 @@ from pidalab.rules._design import Design
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps for which a rule is made
-# If a rule leaves the filter to the user, the filter adds this share of the model's dead time.
+# If a rule leaves the filter to the user, the registry chooses one that adds this share of the model's dead time.
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of controllers with automatic reset
 IMC = "heo2023, rows IMC"
@@ -176,7 +176,7 @@ def _direct(test: str) -> Rule:
 
 
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
-    """Design with the shortest filter that meets the noise limit and is at least as long as a sample.
+    """Design with the shortest filter time that meets the noise limit and is at least the sample time.
 
     Without a noise limit T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the sum of lags and dead time.
     """

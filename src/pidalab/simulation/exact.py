@@ -42,7 +42,7 @@ from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 # A response is checked if the dead time is longer than this number of time constants of the fastest state, since digits
 # may then cancel. Without dead time, the simulated time is used instead.
 CHECKED_FROM = 3e3
-# A second response is computed with the first of these units of time and u. If the comparison with the first response
+# A response is computed again with the first of these units of time and u. If the comparison with the original response
 # does not decide, the next units are used.
 OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared

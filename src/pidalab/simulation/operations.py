@@ -81,7 +81,7 @@ class _Compiler:
         self.free = self.size = len(names)
 
     def statements(self, body: Sequence[Statement], mask: int | None) -> None:
-        """Add the operations of statements, which take effect where the number at `mask` is not 0."""
+        """Add the operations of statements. A statement takes effect where the number at `mask` is not 0."""
         for statement in body:
             kept = self.free
             if isinstance(statement, Set) and statement.target not in FOR_OTHERS:

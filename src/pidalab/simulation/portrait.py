@@ -219,8 +219,8 @@ class Portrait(NamedTuple):
     y_end, u_end : ndarray
         Last sample.
     diverged : ndarray of bool
-        True for a loop that overflowed; its measures are infinite. A loop with limits on an integrator may diverge too
-        slowly to overflow. Its measures are large and finite.
+        True for a loop that overflowed; its measures are infinite. A limited loop with an integrating process may
+        diverge too slowly to overflow. Its measures are large and finite.
     """
 
     ie: Array

@@ -52,7 +52,7 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
     At the beginning of sample k, `x` holds the states of all plants at t_k, and `f` the states of the prefilters.
     `past` is a ring buffer with the plant inputs of one dead time, and `slot` is the place of the present input. The
     measures of an interval are computed at its end. They need the values at both ends and the exact integral of y
-    between them, which is the last state of the plant. No response is stored.
+    between them, which is the last state of the plant.
     """
     states = plant.c.size
     # With a set point of 0 at all times, the prefilter stays at rest.

@@ -184,7 +184,7 @@ def filtered(block: StateSpace, signal: Array) -> Array:
 
 @compiled
 def acted(actuator: Actuator, wanted: float, load: float, v: Array, width: Array, at: int) -> float:
-    """Write the actuator's output plus the load to `v` and `width`. Return the output, which is a mean with pulses."""
+    """Write the plant input to `v`, and the width of a pulse to `width`. Return the mean output of the actuator."""
     if actuator.quantum > 0:
         rounded = actuator.quantum * np.rint(wanted / actuator.quantum)
         u = min(max(rounded, actuator.low), actuator.high)
