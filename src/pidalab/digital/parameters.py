@@ -15,7 +15,7 @@ from pidalab.digital.filters import METHOD_WEIGHTS, METHODS, FilterChain, Prefil
 ANTI_WINDUP = ("reset", "back-calculation", "clamping", "conditioning", None)
 DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # words for a digital controller
 LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
-LARGEST_PARAMETER = 1e9  # largest gain that may change while the controller runs
+LARGEST_PARAMETER = 1e9  # largest magnitude of a gain, if the gains may change while the controller runs
 LARGEST_CONSTANT = 1e15  # with signals up to 1e9, larger constants could overflow in single precision
 MOST_PATHS, MOST_PATH_LAGS = 40, 40  # with more paths, or more lags in a path, the code would be unreadable
 MOST_CODE_LAGS = 160  # most lags in all paths together; the code of a path grows with the square of its lags
@@ -81,7 +81,7 @@ class Parameters:
         shares += [("lags", pair) for path in self.paths for pair in zip(path.new, path.old, strict=True)]
         for what, (now, before) in shares:
             if (now and not new) or (before and not old) or (new == old and now != before):
-                raise ValueError(f"{what} must be those of method {self.method!r}, found {(now, before)}")
+                raise ValueError(f"{what} must be weights of method {self.method!r}, found {(now, before)}")
         if self.tunable:
             largest = max([*map(abs, self.growth), *(abs(g) for p in self.paths for g in p.gains)])
             if largest > LARGEST_PARAMETER:
@@ -137,7 +137,7 @@ def _path(name: str, path: Any) -> FilterChain:
         parts[part] = tuple(_constant(f"{name}.{part}[{i}]", x) for i, x in enumerate(values))
     new, old, gains = parts.values()
     if not len(new) == len(old) == len(gains) - 1:
-        raise ValueError(f"{name} must have a gain more than lags, found {len(gains)} and {len(new)}")
+        raise ValueError(f"{name} needs one more gain than lags, found {len(gains)} gains, {len(new)} lags")
     for pair in zip(new, old, strict=True):
         if not (min(pair) >= 0.0 and 0.0 < sum(pair) <= 1.0 + SHARE_ROUNDING):
             raise ValueError(f"{name} must have shares of lags from 0 to 1, found {pair}")

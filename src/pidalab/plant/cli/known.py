@@ -52,7 +52,7 @@ def rules_command() -> None:
 @dialogue.main.command("rule")
 @click.argument("relay", required=False, type=dialogue.EXISTING)
 @click.option("--ku", type=float, help="Ultimate gain, in units of u per unit of y.")
-@click.option("--tu", type=float, help="Ultimate period; every time is in its unit.")
+@click.option("--tu", type=float, help="Ultimate period. The times in the output have its unit.")
 @dialogue.columns
 def rule_command(relay: Path | None, ku: float | None, tu: float | None, **columns: str | int | None) -> None:
     """List the gains that rules give for an ultimate gain and period, or for a RELAY record.
@@ -89,7 +89,7 @@ def rule_command(relay: Path | None, ku: float | None, tu: float | None, **colum
 @click.option("--until", type=dialogue.ABOVE, required=True, help="End of the simulation.")
 @click.option("--setpoint", default=1.0, help="Step of the set point at 0.")
 @click.option("--load", default=0.0, help="Step of the load at 0.")
-@click.option("--sample-time", type=float, help="Sample time, if digital (backward); default: continuous.")
+@click.option("--sample-time", type=float, help="Sample time of a digital controller. Default: continuous.")
 @dialogue.limits
 @click.option("--out", type=dialogue.OUT_FILE, help="CSV file for t, r, y, u.")
 @dialogue.force
@@ -98,7 +98,8 @@ def simulate_command(
 ) -> None:
     """Simulate a loop from rest, with its exact dead time, and print margins and measures.
 
-    Signals and limits count from the state of rest. A controller.json has its own working point.
+    Signals and limits count from the state of rest. With a controller.json the state of rest is its
+    working point.
 
     \b
     Examples:
@@ -198,8 +199,8 @@ def _apply(path: Path, name: str, process: Any) -> Any:
 def benchmark_command(rule: str, out: Path | None, force: bool, **options: Any) -> None:
     """Rank a rule of your own on 134 plants among all rules and the optima, in about a minute.
 
-    The function takes a process and returns a controller. The file is run: it is your code. With --out the command
-    also writes the rows as CSV, the ranking as a LaTeX table, and a figure.
+    The function takes a process and returns a controller. The command runs the file, so use only code that you
+    trust. With --out the command also writes the rows as CSV, the ranking as a LaTeX table, and a figure.
 
     \b
     Example, with "import pidalab; def tune(p): return pidalab.rules.classical.simc(p, 'PI')" in rule.py:

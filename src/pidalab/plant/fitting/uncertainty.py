@@ -21,7 +21,7 @@ EXPLAINED = 0.5
 FED_BACK = 0.3  # feedback is assumed if `_agreement` of the changes of u and y is at least this
 COLOURED = 1.5  # if `samples_per_error` is above this, the residuals are not white noise
 CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties for coloured and for white residuals
-CHANCE = 0.003  # accepted probability that a drift is mistaken for a response, or chance for feedback
+CHANCE = 0.003  # accepted probability of mistaking a drift for a response, or a coincidence for feedback
 OPPOSED = 0.8  # like FED_BACK, but for the changes of u and of the residuals
 
 DRIFTS = (
@@ -50,7 +50,7 @@ def drifts(data: FitData) -> bool:
 
 
 def unsettled(data: FitData, result: FitResult) -> str:
-    """Return why a model is not identifiable and which experiment would help. Return an empty text if it is."""
+    """Return why a model is not identifiable and which experiment would help. Return an empty text otherwise."""
     shape, values, J = result.shape, result.values, result.jacobian
     if values[0] == 0 or not np.all(np.isfinite(values)):
         return "the output does not answer to the input: no gain can be found"
@@ -121,9 +121,10 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
     The factors were calibrated with simulated loops of random first-order plants, as in the tests. The gain has the
     largest errors. The 95 % quantile of (error of the gain) / (1.96 standard uncertainties) is 1.22 in 99 loops with
     white noise, and 6.8 in 114 loops with a wandering load. The factors are these numbers, rounded up. In other random
-    loops, at least 90 % of the stated intervals contained each parameter.
+    loops, at least 90 % of all intervals contained the true value of their parameter.
     """
-    # Noise passes from y to u within a sample. Compare only signs, so that a set-point step counts as one sample.
+    # Noise passes from y to u within a sample. Compare only signs. A set-point step then weighs no
+    # more than any other sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
     by_hand = record.experiment not in (FOLLOWER, MANY_LEVELS, MOVING)
     if by_hand or max(_agreement(du, dy), _agreement(du[1:], dy[:-1])) < FED_BACK:
@@ -152,7 +153,10 @@ def runs_away(record: Record, data: FitData, result: FitResult) -> str:
 
 
 def _agreement(a: Array, b: Array) -> float:
-    """Return abs(agreements - disagreements) / (agreements + disagreements) of nonzero signs, near 0 by chance."""
+    """Return abs(agreements - disagreements) / (agreements + disagreements) of nonzero signs.
+
+    It is near 0 if the signs agree only by chance, and 0 if there are too few.
+    """
     both = np.count_nonzero(a * b)
     return abs(float(a @ b)) / both if both > FEWEST else 0.0
 
