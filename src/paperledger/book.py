@@ -35,7 +35,7 @@ class Ledger:
     page : str, optional
         The notebook that uses the ledger. By default the chapter, which is named after the paper.
     words : mapping of str to str, optional
-        The paper's notation for ids or parts of ids, which labels of `compare` use.
+        The paper's notation for ids or parts of ids. The labels in the table of `compare` use it.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Ledger:
     rows : dict of str to Row
         Rows by id, in the order of the file.
     fresh : dict of str to Row
-        Rows that the page has passed, with the new values.
+        Rows that the page has handed over, with the new values.
     refused : list of str
         The errors so far. `close` raises them again, so a page cannot suppress them.
 
@@ -144,8 +144,9 @@ class Ledger:
         Returns
         -------
         pandas.DataFrame
-            Entries ``printed / computed``, with a row for each group and a column for each last part. A mark shows the
-            verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read, and ``†`` differs.
+            Entries ``printed / computed``. The last part of an id selects the column, and the parts before it
+            select the row. A mark shows the verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read,
+            and ``†`` differs.
 
         Raises
         ------
@@ -270,7 +271,7 @@ class Ledger:
         return row
 
     def _take(self, fresh: Row) -> Row:
-        """Store a row that was passed, unless it disagrees with the file. Return the row to show.
+        """Store a row that the page has handed over, unless it disagrees with the file. Return the row to show.
 
         If the row agrees, the stored value is shown and decides the verdict, so noise never changes a verdict.
         """
@@ -348,7 +349,7 @@ class Ledger:
         return float(row.printed)
 
     def _owed(self) -> list[Row]:
-        """Return the rows that this page must pass."""
+        """Return the rows that this page must hand over."""
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
@@ -464,7 +465,7 @@ class Ledger:
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
     """Let ledgers that are opened in this context store values without comparing them. Yield the list of these ledgers.
 
-    Pages read the printed entry of a row that the function `printed` returns.
+    As the printed entry of a row, pages read what the function `printed` returns for it.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])

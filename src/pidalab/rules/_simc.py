@@ -91,7 +91,7 @@ def simc(
 
 
 def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: float = 10) -> Design:
-    r"""Design a controller by improved SIMC: a PI controller, with a derivative time of a third of the dead time.
+    r"""Design a PID controller by improved SIMC: a PI controller, and a derivative time of a third of the dead time.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
@@ -184,7 +184,7 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     The rule for a zero in the left half-plane depends on the effective dead time, and the effective dead
     time depends on the result of this rule. Therefore the reduction is repeated until the dead time no longer changes.
     The paper does not say where to start, and several dead times may be possible results. Here the start is the dead
-    time of the model. If the model has no dead time, it is the effective dead time of the lags alone. This start
+    time of the model or, without dead time in the model, the effective dead time of the lags alone. This start
     reproduces the examples of the paper. If the iteration is periodic, the longest dead time is used, which is
     cautious.
     """

@@ -51,7 +51,7 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     m : float, optional
         ``ta/m`` is the time constant of the acceleration filter, so m has the unit of time. By default ``n td``. The
         filter time constants are then a2/(n a1) and a3/(n a2), and the design does not depend on the unit of time. The
-        paper uses 10, in a unit of time similar to the lags of its processes.
+        paper uses 10, in a unit of time in which the lags of its processes are near 1.
 
     Returns
     -------
@@ -249,7 +249,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     model : Process
         The model.
     controller : PIDA
-        The controller. The filter is of second order if it has acceleration, and of first order otherwise.
+        The controller. If the controller has acceleration, the filter is of second order, otherwise of first order.
 
     Returns
     -------

@@ -142,7 +142,7 @@ def _responses(cut, step, n, intervals, norm):
     * The stack at the first requested time of an interval is computed in two parts. A Taylor series spans the time
       share * delta from the multiple k. Powers then span the time count * delta: the binary digits of the whole number
       `count` select the powers.
-    * Each stack has only the ages that the outputs read from this stack and from the later stacks of the interval.
+    * Each stack has only the ages that its own outputs and the later stacks of the interval need.
 
     A run is a number of successive requested times whose outputs are computed at once, as one product of a stack and
     `rows`.

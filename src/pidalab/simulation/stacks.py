@@ -10,7 +10,7 @@ from pidalab.simulation.ring import DROPPED, add_product, add_rows, column_sizes
 
 @compiled
 def advanced(stack, order, power, keep):
-    """Advance a stack by the time that a power spans, and keep only the `keep` youngest ages."""
+    """Advance a stack by the time step of a power, and keep only the states of the `keep` youngest ages."""
     ages, reach = stack.size // order, power.shape[1] // order
     after = np.zeros(keep * order)
     before = stack.size - after.size
@@ -33,7 +33,10 @@ def advanced(stack, order, power, keep):
 
 @compiled
 def _reads(rows, outputs, order, wide):
-    """Return size[age, q], the largest coefficient with which output q reads an age. The last row holds the maxima."""
+    """Return size[age, q], the largest coefficient of a state of this age in output q.
+
+    The last row holds the maxima.
+    """
     ages = rows.shape[0] // order
     size = np.zeros((ages + 1, outputs))
     for age in range(ages):
@@ -66,9 +69,9 @@ def _read_ages(size):
 
 @compiled
 def _longest(size, ages, power, order, most):
-    """Bound the number of ages that the outputs read after a product with a power, without computing the product.
+    """Bound the number of ages that the outputs read once `rows` is multiplied by a power, without the product.
 
-    No element of a product exceeds the order times the largest element of one factor times that of the other.
+    No element of a product exceeds order * a * b, where a and b are the largest elements of the two factors.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -86,7 +89,9 @@ def _longest(size, ages, power, order, most):
 
 @compiled
 def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
-    """Return the matrix that reads the outputs at `run` successive times from a stack: (size of stack, run * outputs).
+    """Return the matrix that reads the outputs at `run` successive times from a stack.
+
+    Its shape is (size of the stack, run * outputs).
 
     Notes
     -----
@@ -249,7 +254,10 @@ def first_time(k, step, delay):
 
 @compiled
 def distance_after(k, i, step, delay):
-    """Return the time from multiple k of the dead time to requested time i. Rounding counts as 0."""
+    """Return the time from multiple k of the dead time to requested time i.
+
+    A distance as small as the rounding error counts as 0.
+    """
     distance = step * i - k * delay
     return distance if distance > 8.0 * 2.0**-52 * step * i else 0.0
 

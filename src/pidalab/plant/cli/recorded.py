@@ -31,7 +31,7 @@ record = dialogue.add_options(
     click.option("--period", type=float, help="Time between samples, for a file without times."),
     click.option("--delimiter", help="Text between columns, as ';' or '\\s+'; default: detected."),
     click.option("--skip", default=0, help="Lines to leave out at the beginning."),
-    click.option("--u-before", type=float, help="Input before a record that begins with its step."),
+    click.option("--u-before", type=float, help="u before the step, if the record begins with the step."),
     click.option("--outliers", type=click.Choice(["drop", "keep"]), help="Treatment of outlying outputs."),
     click.option("--run", type=int, help="Number of the run, from 1, if the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
@@ -88,7 +88,8 @@ def report_command(out: Path | None, force: bool, **options: Any) -> None:
 def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
     """Tune a controller from a plant RECORD, a text file in which the input moves. A step from rest is best.
 
-    The command prints if the loop is safe, and then the gains, the checks before the start, the doubts and the model.
+    The command prints whether the loop is safe. Then it prints the gains, the checks before the start, the doubts and
+    the model.
     With --out, also write controller.c, controller.st, controller.py, controller.json and report.html.
 
     \b
@@ -158,7 +159,7 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
 def check_command(lag: float, **options: Any) -> None:
     """Judge the gains of a running loop by a log of it, the RECORD.
 
-    Changes of the set point, a step of the load or a bump of u show the plant. Print the Ms of the loop with its
+    The log must contain changes of the set point, a step of the load or a bump of u. Print the Ms of the loop with its
     interval, how far the gains are from the best, and three sets to try.
 
     \b
