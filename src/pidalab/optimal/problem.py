@@ -429,7 +429,8 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 
 # The unit of time is 1/w_u. At the frequency w_u the phase of the process is CORNER or, with several integrators, the
 # phase of the integrators minus INTEGRATORS_TURN.
-CORNER, INTEGRATORS_TURN = -0.75 * math.pi, 0.25 * math.pi
+CORNER = -0.75 * math.pi
+INTEGRATORS_TURN = 0.25 * math.pi
 # A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the frequency of `_loudest`.
 NOISE_SLOWDOWN = 8.0
 QUIET_SHARE = 0.1  # proportional gain divided by the noise limit, if nothing else determines the unit
