@@ -356,8 +356,8 @@ def _warn(areas: MeasuredAreas) -> None:
     if not areas.settled:
         cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
-        f"the record leaves {listed} uncertain ({cause}); use only the areas before A_{bad[0]}, of which a controller "
-        "of order m needs 2m + 4",
+        f"the record makes areas uncertain, {listed} ({cause}); use only the areas before A_{bad[0]}; a controller of "
+        "order m needs 2m + 4",
         RecordWarning,
         stacklevel=3,
     )

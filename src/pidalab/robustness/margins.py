@@ -23,7 +23,7 @@ QUIETEST = 0.1
 # In the search for a gain, the grid is divided for the phase of the dead time where |L| is above this value.
 QUIETEST_GIVEN = 0.1
 FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
-AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak, relative to the peak
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak / frequency of the peak
 MS_RTOL = 1e-6  # before the last step, Ms may exceed the required Ms by this relative amount
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
 DROP = 3.0  # decrease of |T| at the bandwidth, in decibels

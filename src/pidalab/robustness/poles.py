@@ -18,8 +18,8 @@ from pidalab.robustness.in_z import axis_of
 MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
 CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
-# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the collocation has larger
-# rounding errors.
+# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the collocation has rounding
+# errors larger than such poles.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps of Aberth's method
