@@ -53,7 +53,7 @@ class SampledPlant(NamedTuple):
     """A process between a hold and a sampler, in coordinates in which the transition matrix is triangular."""
 
     transition: Any  # (n, n), upper triangular
-    # For each piece of a sample interval: effect of the input (n,), and age of this input in samples.
+    # For each piece of a sample interval: effect of the input (n,), and delay of this input in samples.
     inputs: list[tuple[Any, int]]
     output: Any  # (n,)
     direct: float
@@ -107,7 +107,6 @@ class AxisInZ(Axis):
     transfer: Callable[[Any], tuple[Any, Any]]
 
     def at(self, w: Any) -> Samples:
-        """Evaluate the loop at frequencies."""
         return Samples(w, *self.transfer(1j * w))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
@@ -118,9 +117,9 @@ class AxisInZ(Axis):
         Notes
         -----
         The characteristic function is N + D for L = N/D. If |L| stays below 1 between two points of the grid, the
-        change of the angle of N + D follows from the angle of D and the angle of 1 + L at both points. If |L| stays
-        above 1, it follows from the angles of N and of 1 + 1/L. All other steps are halved until the angle of N + D
-        changes by at most `LARGEST_TURN`.
+        change of angle(N + D) follows from angle(D) and angle(1 + L) at both points. If |L| stays above 1, this change
+        follows from angle(N) and angle(1 + 1/L). All other steps are halved until angle(N + D) changes by at most
+        `LARGEST_TURN`.
         """
 
         def characteristic(w: Any) -> Any:
@@ -164,7 +163,8 @@ class AxisInZ(Axis):
                 fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
             else:
                 return None
-        # The characteristic function is real at ω = 0 and ω = end. Add the angles from these ends to those of the grid.
+        # The characteristic function is real at ω = 0 and ω = end. Add the changes of the angle between these ends and
+        # the ends of the grid.
         total += float(np.angle(first / first.real)) - float(np.angle(last / last.real))
         return round_to_count(-total / np.pi)
 
