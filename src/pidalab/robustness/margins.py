@@ -102,7 +102,7 @@ class Margins:
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
     """Return the maximum sensitivity Ms and its frequency, even for an unstable loop.
 
-    For a loop with a `DigitalController`, Ms is computed at the samples, as in `margins`.
+    With a `DigitalController`, Ms is computed at the samples, as in `margins`.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def bandwidth(loop: Loop) -> float:
     Returns
     -------
     float
-        Bandwidth in rad per time unit. It is inf if \|T\| never falls by 3 dB.
+        Bandwidth in rad per time unit, or inf if \|T\| never falls by 3 dB.
 
     Raises
     ------
@@ -270,8 +270,8 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
 def margins(loop: Loop) -> Margins:
     """Return gain, phase and delay margin, peaks of S and T, and all crossovers, with exact dead time.
 
-    For a loop with a `DigitalController`, all values are computed at the samples, up to half the sampling frequency,
-    with the plant discretised exactly.
+    With a `DigitalController`, the plant is discretised exactly, and all values are computed at the samples, up to half
+    the sampling frequency.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ SOLVED = 1e-6  # a pole is accepted if its relative residual or its last relativ
 def unstable_poles(loop: Loop) -> float:
     """Return the number of closed-loop poles in the closed right half-plane, by the argument principle.
 
-    The dead time is exact. For a loop with a `DigitalController`, poles on or outside the unit circle are counted. An
-    unstable pole counts even if a zero of L cancels it.
+    The dead time is exact. With a `DigitalController`, poles on or outside the unit circle are counted. An unstable
+    pole counts even if a zero of L cancels it.
 
     Parameters
     ----------
