@@ -1,15 +1,15 @@
 r"""Compute the IAE and the slack of limits as smooth functions of the gains, with gradients, for `pidalab.optimal`.
 
-The unknowns are the gains, made dimensionless by the gain and the time scale of the process, and the logarithm of the
-filter time. With the denominator q of the filter, closed forms exist at each frequency:
+The unknowns are the dimensionless gains and the logarithm of the filter time. With the denominator q of the filter,
+closed forms exist at each frequency:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
-with exact dead time. A second transform gives the whole gradient. The IAE is the exact integral of the error, plus
-twice the area of the error with the opposite sign. This area is computed with straight lines between samples. The slope
-of this area is continuous, so that Newton's method can converge to the minimum.
+with exact dead time. A second transform gives the whole gradient. The IAE is the integral of the error, which is known
+exactly, plus twice the area of those parts of the error that have the opposite sign. This area is computed with
+straight lines between samples. Its slope is continuous, as Newton's method requires.
 
 The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
 is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by c + p,
@@ -231,7 +231,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
-    # `share` is the part of each step in which the line is below zero. It is 1 if both ends are negative.
+    # `share` is the part of each step in which the line is below zero.
     share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
     below = np.minimum(high, 0.0)
     by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
@@ -313,8 +313,8 @@ class SampledNoise:
 
     Notes
     -----
-    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered actions, and their slopes by
-    the filter time, are sums of the lags :math:`1/(1 + T_F s)^i`. With :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`,
+    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered actions and their slopes by
+    the filter time are sums of the lags :math:`1/(1 + T_F s)^i`. With :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`,
     the transfer functions :math:`X_i` of these lags after a hold satisfy the recursion
 
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
@@ -333,7 +333,7 @@ class SampledNoise:
         self.moved = np.prod((self.z - outside) / (self.z - 0.5 * outside / np.abs(outside)), axis=0)
         self.integrator = sample_time / (self.z - 1)
         self._expand()
-        # These are the weights of the trapezoidal rule over the upper half of the circle.
+        # Weights of the trapezoidal rule on the upper half of the circle.
         steps = np.diff(self.w)
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
 
@@ -358,7 +358,7 @@ class SampledNoise:
     def unstable(self, x: Array) -> bool:
         """Return True if the sampled loop is unstable, by the argument principle for 1 + L.
 
-        In 1 + L, the unstable poles of L are moved inside the circle.
+        The unstable poles of L are first moved inside the circle.
         """
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
         # The function is real at both ends of the half circle.
