@@ -38,8 +38,7 @@ MOST_ATTEMPTS = 6
 
 
 class Kernel:
-    """A function in plain and compiled form. Compiled kernels call compiled kernels, and plain kernels call plain
-    kernels.
+    """A function in plain and compiled form. Each form calls the same form of other kernels.
 
     Parameters
     ----------

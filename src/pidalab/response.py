@@ -22,11 +22,11 @@ class Response(Signals):
     Between two samples, the control error is the parabola that passes through both end values and has the exact area
     (`area`). So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
 
-    Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. A warning is
-    given if too many points would be needed. For a record with a given `area`, measures of y and e are compared with
-    those from every second sample. A warning is given if the relative difference exceeds 3e-3. There is no such test
-    for records with noise, for records without `area`, and for u of records that were not simulated. In these cases, a
-    step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
+    Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. A warning
+    says if too many points would be needed. For a record with a given `area`, measures of y and e are compared with
+    those from every second sample, with a warning if the relative difference exceeds 3e-3. There is no such test for
+    records with noise, for records without `area`, and for u of records that were not simulated. In these cases, a step
+    of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -517,8 +517,8 @@ class Response(Signals):
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Return the time in which y rises from a low share to a high share of its final value.
 
-        A share that y exceeds at t = 0 counts as passed at t = 0. So the rise time is 0 for a record that starts above
-        the high share.
+        A share that y exceeds at t = 0 counts as passed at t = 0. So the rise time is 0 if the record starts above the
+        high share.
 
         Parameters
         ----------

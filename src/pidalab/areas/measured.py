@@ -134,12 +134,12 @@ def from_record(
     Sampling with step h causes only one error that matters: if the slope of y jumps by y', as with a single lag, the
     error of A_1 is about h² y'/12.
 
-    The end of the record counts as a steady state if none of five decaying exponentials is found in it. Their time
-    constants are 1/32 to 1/2 of the length of this end. The end is divided into sixteen pieces. An exponential is found
-    if its component exceeds 2.5 standard deviations in the means of the pieces, or 5 in the means of the squares, which
-    show decaying oscillations. Noise hides smaller transients, which would make all areas too small. Therefore the time
-    from the first move of the input to the steady state is made a tenth longer. The final levels are means of the
-    steady state, and the integrals end at its start.
+    The end of the record counts as a steady state if none of five decaying exponentials, with time constants of 1/32 to
+    1/2 of the length of this end, is found in it. An exponential is found if its component exceeds 2.5 standard
+    deviations in the means of sixteen pieces, or 5 in the means of the squares, which show decaying oscillations. Noise
+    hides smaller transients, which would make all areas too small. Therefore the time from the first move of the input
+    to the steady state is made a tenth longer. The final levels are means of the steady state, and the integrals end at
+    its start.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
     :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of this tail follows from the
@@ -356,8 +356,8 @@ def _warn(areas: MeasuredAreas) -> None:
     if not areas.settled:
         cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
-        f"the record leaves {listed} uncertain ({cause}); use only the areas before A_{bad[0]}, of which a controller "
-        "of order m needs 2m + 4",
+        f"the record makes areas uncertain, {listed} ({cause}); use only the areas before A_{bad[0]}; a controller of "
+        "order m needs 2m + 4",
         RecordWarning,
         stacklevel=3,
     )

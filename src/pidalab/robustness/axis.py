@@ -2,8 +2,8 @@
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
 points, but the dead time turns the phase without bound. A grid step is therefore divided further if the dead time turns
-the phase quickly within the step *and* a crossover or peak is possible there. A crossover needs a large enough
-magnitude of L, and a peak a high enough upper bound of its height. All crossovers, or all peaks, are then refined at
+the phase quickly within the step *and* a crossover or peak is possible there. A crossover is possible if the magnitude
+of L is large enough, and a peak if its upper bound is high enough. All crossovers, or all peaks, are then refined at
 once.
 """
 
@@ -25,7 +25,7 @@ MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memo
 # Largest angle in rad by which the dead time turns the phase between two points: FINE_STEP for peaks, COARSE_STEP for
 # phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
-# L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
+# L does not cross the negative axis in a step if cos(angle of L) is above this value at both ends of the step.
 NEAR_POSITIVE_AXIS = 0.5
 ROUNDING = 1e-12  # |log |L||, relative imaginary parts and relative differences count as 0 below this
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
@@ -38,14 +38,14 @@ MOST_STEPS = 60  # largest number of steps of a refinement
 # then about the square of this number.
 SAME_CROSSING = 1e-8
 # The refinement of a peak ends when step / (width of the first bracket) is at most SAME_PEAK. The step of finite
-# differences is DIFFERENCE_STEP times the shorter half of this bracket.
+# differences is DIFFERENCE_STEP times the distance of the middle point to its nearer neighbour.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
 # A long grid step is divided into pieces with this number of points. A piece is either skipped or computed as a whole.
 PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
 QUICK = 12.0
-MOST_PROBED = 20  # largest number of gain crossovers around which a peak is sought first
+MOST_PROBED = 20  # a peak is first sought around at most this number of gain crossovers
 TO_AN_END = 1e-7  # a peak counts only if it exceeds (1 + this) * the limits at both ends of the axis
 # The characteristic function N + D counts as 0 if its modulus is at most this number times |N| + |D|.
 ON_CONTOUR = 1e-9
@@ -147,7 +147,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
     -----
     Newton's method on the slope is applied to all minima at once. Invariant: each iterate stays between `low`, where
     the function falls, and `high`, where it rises. Slope and curvature are computed from differences with long steps,
-    because the values lose many digits near a lightly damped pole. The returned value is that at the vertex of the last
+    because the values lose many digits near a lightly damped pole. The returned value is the minimum of the last
     parabola.
     """
     low, place, high = w[i - 1], w[i], w[i + 1]
@@ -264,7 +264,7 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return the grid, with steps divided as in `points` where \\|L\\| >= loud."""
+        """Return the grid, with steps divided by `points` where \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:

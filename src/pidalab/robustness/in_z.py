@@ -1,6 +1,6 @@
 r"""Evaluate a sampled loop along the unit circle, with exact dead time.
 
-Within a sample interval h, the delayed input of the plant is constant, or constant in each of two pieces (see
+Within a sample interval h, the delayed input v of the plant is constant, or constant in each of two pieces (see
 `statespace`). So :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function of the plant from
 sample to sample is
 
@@ -100,8 +100,8 @@ class AxisInZ(Axis):
     Attributes
     ----------
     transfer : callable
-        Function that returns numerator and denominator of L at s = jω or nearby. The unstable poles of L are zeros of
-        the denominator. Numerator and denominator have poles only inside the circle.
+        Function that returns numerator and denominator of L at s on or near the imaginary axis. The unstable poles of L
+        are zeros of the denominator. Numerator and denominator have poles only inside the circle.
     """
 
     transfer: Callable[[Any], tuple[Any, Any]]

@@ -23,7 +23,7 @@ QUIETEST = 0.1
 # In the search for a gain, the grid is divided for the phase of the dead time where |L| is above this value.
 QUIETEST_GIVEN = 0.1
 FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
-AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak, relative to the peak
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak / frequency of the peak
 MS_RTOL = 1e-6  # before the last step, Ms may exceed the required Ms by this relative amount
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
 DROP = 3.0  # decrease of |T| at the bandwidth, in decibels
@@ -102,7 +102,7 @@ class Margins:
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
     """Return the maximum sensitivity Ms and its frequency, even for an unstable loop.
 
-    For a loop with a `DigitalController`, Ms is computed at the samples, as in `margins`.
+    With a `DigitalController`, Ms is computed at the samples, as in `margins`.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def bandwidth(loop: Loop) -> float:
     Returns
     -------
     float
-        Bandwidth in rad per time unit. It is inf if \|T\| never falls by 3 dB.
+        Bandwidth in rad per time unit, or inf if \|T\| never falls by 3 dB.
 
     Raises
     ------
@@ -270,8 +270,8 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
 def margins(loop: Loop) -> Margins:
     """Return gain, phase and delay margin, peaks of S and T, and all crossovers, with exact dead time.
 
-    For a loop with a `DigitalController`, all values are computed at the samples, up to half the sampling frequency,
-    with the plant discretised exactly.
+    With a `DigitalController`, the plant is discretised exactly, and all values are computed at the samples, up to half
+    the sampling frequency.
 
     Parameters
     ----------

@@ -18,8 +18,8 @@ from pidalab.robustness.in_z import axis_of
 MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
 CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
-# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the collocation has larger
-# rounding errors.
+# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the collocation has rounding
+# errors larger than such poles.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps of Aberth's method
@@ -29,8 +29,8 @@ SOLVED = 1e-6  # a pole is accepted if its relative residual or its last relativ
 def unstable_poles(loop: Loop) -> float:
     """Return the number of closed-loop poles in the closed right half-plane, by the argument principle.
 
-    The dead time is exact. For a loop with a `DigitalController`, poles on or outside the unit circle are counted. An
-    unstable pole counts even if a zero of L cancels it.
+    The dead time is exact. With a `DigitalController`, poles on or outside the unit circle are counted. An unstable
+    pole counts even if a zero of L cancels it.
 
     Parameters
     ----------
