@@ -104,7 +104,7 @@ def show(rows: list[dict]) -> None:
 
 
 def main() -> None:
-    """Compare the methods loop by loop, print and write."""
+    """Compare the methods for each loop. Print and write the results."""
     results = []
     for design in LOOPS:
         rows = compare(*design)

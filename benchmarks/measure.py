@@ -73,7 +73,7 @@ def median_time(task: Callable[[], object], repeats: int = 5) -> float:
 
 
 def clocked(task: Callable[[], T], repeats: int = 3) -> tuple[float, float, T]:
-    """Return elapsed time and CPU time (of all threads) of the fastest of several runs, and the result.
+    """Return elapsed time and CPU time of all threads for the fastest of several runs, and the result.
 
     Use this function for tasks on all processors.
     """

@@ -197,9 +197,9 @@ def jitcdde(
 ) -> Task:
     """Return the compiled task of JiTCDDE: adaptive Bogacki–Shampine steps and cubic Hermite interpolation.
 
-    A step of the set point causes kinks that travel round the loop. `adjust_diff` corrects the first derivative (during
-    so short a time that nothing else changes). `step_on_discontinuities` puts a step on the first dead time, up to
-    which y is 0. Without `output` only the last value is requested.
+    A step of the set point causes kinks that travel round the loop. JiTCDDE's `adjust_diff` corrects the first
+    derivative, and its `step_on_discontinuities` puts a step on the first dead time, up to which y is 0. Without
+    `output` only the last value is requested.
     """
     from jitcdde import jitcdde, t, y
 

@@ -75,7 +75,7 @@ def plain(own: SeriesPIDA, t: np.ndarray) -> pidalab.Response:
 
 
 def main() -> None:
-    """Measure times and differences, print and write them."""
+    """Measure times and differences. Print and write them."""
     pidalab.portrait(LOOP, {}, T[:100], load=1.0)  # compiles
     sets = EACH**4
     clock, cpu, portrait = clocked(lambda: pidalab.portrait(LOOP, grid(), T, load=1.0))

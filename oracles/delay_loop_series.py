@@ -162,7 +162,7 @@ def talbot_nodes(tau, degree):
 
 @cache
 def talbot_contour(degree, precision):
-    """Return (tau s, weight), which do not depend on tau. The current precision is a key of the cache."""
+    """Return (tau s, weight), which do not depend on tau. `precision` only separates entries of the cache."""
     r = mpf(2 * degree) / 5
     nodes = [(r, exp(r) / (2 * degree))]
     for j in range(1, degree):
@@ -183,7 +183,7 @@ def difference(a, b):
 
 
 def respond(case, times, digits):
-    """Return the values at times, their change when the nodes were last doubled, and the number of nodes."""
+    """Return the values at times, their change by the last doubling of the nodes, and the number of nodes."""
     places, nodes, size = circles(case, digits)
     precision, agree = int(size) + digits + 35, mpf(10) ** -(digits + 7)
     with workdps(precision):

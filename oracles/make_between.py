@@ -71,7 +71,6 @@ def case_of(number, name, loop):
 
 
 def solve(item):
-    """Return the case with its values, and a line of evidence."""
     case = case_of(*item)
     before = None
     for degree in (45, 70, 110, 180, 280):

@@ -3,8 +3,8 @@
 The loop is that of make_limited_optima.py with a dead time L. Its response to a step of the load is not a finite sum of
 exponentials, so the IAE comes from a method of steps in double precision.
 
-Method.  At an optimum, the gradient of the IAE by gains and filter time T is the sum of multiplier * gradient over the
-active limits, each at the peak of |S| or |C S|. Newton's method solves these equations.
+Method. At an optimum, the gradient of the IAE by gains and filter time T is a sum of multiplier * (gradient of the
+slack), one for each active limit at its peak. Newton's method solves these equations.
   * On each fraction of L, y and its slopes are power series, driven by the series of u one dead time before. With the
     closed loop G from load to y and the denominator q of the filter, the slope of Y = G/s by K_k is -s^k/q G Y. G Y is
     the response of the same loop to y as its load.
@@ -18,10 +18,9 @@ Checks (the script fails if one of them fails).
   * The slopes of the IAE agree with its differences.
   * By make_margins.py, the loop with gains and T rounded to doubles is stable, and its Ms and Mks are the limits to
     1e-9.
-  * The multipliers are positive, so the IAE falls if a limit is relaxed. `prices` is -d ln(IAE)/d ln(limit).
-  * Of 1000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
-A better optimum elsewhere is not excluded. If the program under test found one, the test would fail.
-Run: python oracles/make_delayed_optima.py
+  * The multipliers are positive, so a relaxed limit reduces the IAE. `prices` is -d ln(IAE)/d ln(limit).
+  * Of 1000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE. A
+better optimum elsewhere is not excluded. Run: python oracles/make_delayed_optima.py
 """
 
 import math
@@ -38,7 +37,7 @@ from scipy.optimize import brentq
 
 DIGITS, PRECISION = 10, 60
 SHARE, TERMS = 6.0, 44  # largest step divided by the filter time, and number of terms of a series
-LONGEST, FADED = 400.0, 1e-13  # longest response; it has decayed below this share of its largest value
+LONGEST, FADED = 400.0, 1e-13  # longest time; a response has decayed below this share of its peak
 AGREE, ROUGH = 1e-10, 1e-6  # agreement of all values with half the step, and of slopes with differences
 AROUND, NEAREST, FARTHEST, ROOM = 1000, 1e-4, 0.2, 1e-5
 
@@ -68,7 +67,7 @@ class Late(Problem):
         plant, actions = np.zeros((size, size)), np.zeros((m + 2, size))
         plant[0, :n], plant[range(1, n), range(n - 1)] = -self.den[1:], 1.0
         y = np.append(self.num[1:], np.zeros(m + 2))
-        plant[n + 1] = -y / time  # inputs: -y, then each lag of the next one, the last of the integrator
+        plant[n + 1] = -y / time  # the first lag takes -y, the others the lag before, the integrator the last
         for j in range(m + 1):
             plant[n + 1 + j, n + 1 + j] = -1 / time
             plant[n + 1 + j, n + j] += 1 / time if j else 0.0
@@ -231,7 +230,6 @@ def keeps(problem, x, w):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Late(case)
     begin = case.pop("start")

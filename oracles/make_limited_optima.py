@@ -4,18 +4,18 @@ The loop has no dead time, so that y after a step of the load is a sum of expone
 of y. The controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1). T is unknown, or given if the search of the
 library is at its shortest filter.
 
-Method.  At an optimum, the gradient of the IAE by gains and T is the sum of multiplier * gradient over the active
-limits, each at the peak of |S| or |C S|. Newton's method solves these equations with 60 digits. Poles come from
-polyroots, slopes of poles and residues from closed forms.
+Method. At an optimum, the gradient of the IAE by gains and T is a sum of multiplier * (gradient of the slack), one for
+each active limit at its peak. Newton's method solves these equations with 60 digits. Poles come from polyroots, slopes
+of poles and residues from closed forms.
 
 Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no transform, no search, no grid of frequencies.
   * By make_margins.py, the loop with gains and T rounded to doubles is stable, and its active limits are met to 1e-12.
-  * The multipliers are positive, so the IAE falls if a limit is relaxed.
+  * The multipliers are positive, so a relaxed limit reduces the IAE.
   * The IAE agrees with a sum over samples, and its slopes with differences of the IAE.
-  * Of 4000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
-A better optimum elsewhere is not excluded. If the program under test found one, the test would fail.
-Run: python oracles/make_limited_optima.py
+  * Of 4000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE. A
+better optimum elsewhere is not excluded. If the program under test found one, the test would fail. Run: python
+oracles/make_limited_optima.py
 """
 
 import numpy as np
@@ -24,8 +24,8 @@ from mpmath import diff, exp, fabs, findroot, matrix, mp, mpc, mpf, nstr, polyro
 from problems import add, poly, rational, store
 
 DIGITS, PRECISION, FADED = 30, 60, 150  # FADED: exponent at which a response has decayed
-AROUND, NEAREST, FARTHEST = 4000, 1e-4, 0.2  # number of controllers tried, and their distances
-ROOM, ROUGH = 1e-5, 1e-6  # part of the limits that they leave unused; accuracy of a sum over samples
+AROUND, NEAREST, FARTHEST = 4000, 1e-4, 0.2  # controllers tried; least and largest distance
+ROOM, ROUGH = 1e-5, 1e-6  # unused part of a limit; accuracy of the IAE from samples
 
 
 def slope(p):
@@ -221,7 +221,6 @@ def keeps(problem, x, w):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Problem(case)
     begin = case.pop("start")

@@ -18,8 +18,8 @@ Checks (the script fails if one of them fails).
   * Coefficients and dead time are the exact values of the stored doubles.
   * Bounds of the second derivative prove that no zero is missed. Polynomials whose coefficients around W are all
     positive prove that no zero beyond W counts.
-  * Every value is put in again, to 40 digits: |L| = 1, arg L = 180 degrees, 1/|1 + L| at the peaks, and poles on the
-    axis for the gain and the dead time at the margin. On a grid of 400 frequencies nothing is higher than a peak.
+  * Every value is substituted, to 40 digits: |L| = 1 and arg L = 180 degrees at the crossovers, and poles on the axis
+    for the gain and the dead time at the margin. On a grid of 400 frequencies nothing is higher than a peak.
   * Closed forms, where they exist, are compared to 40 digits.
 Run: python oracles/make_margins.py
 """
@@ -284,7 +284,6 @@ def text(x):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     f = AxisFunctions(case)
     count = unstable_poles(f)

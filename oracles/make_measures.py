@@ -3,18 +3,18 @@
 The loops are as in make_delay_loops.py, after a unit step of the set point or of the load, from 0 to `end`.
 
 Method.  On each step, a fraction of the dead time, the series of the past control signal is known, and all signals are
-power series. Each is cut off where it is below 1e-45. The zeros of the error and of the slopes of y and u on each step
-are isolated by bounds of the second derivative. Between them the integrals of |e| are those of polynomials.
+power series. Each series is cut off below 1e-45. The zeros of the error and of the slopes of y and u on each step are
+isolated by bounds of the second derivative. Between them the integrals of |e| are those of polynomials.
 
 Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no matrix exponential, no samples, no parabolas between them.
   * Everything is computed again with half the step, and agrees to 1e-30.
   * y and u at some times agree to 1e-25 with the finite series of make_delay_loops.py.
 
-`rates` holds, for each measure, the error to expect from a record with samples, without the powers of its step h.
-`Response` uses parabolas with exact area between samples for the error, and straight lines for u. The remainder of such
-a parabola is e''' h^3 s(s - 1)(2s - 1)/12, 0 < s < 1. For small h, and breaks of the derivatives on the samples, the
-errors are at most
+`rates` holds, for each measure, the error to expect from samples at intervals h, without the powers of h. `Response`
+uses parabolas with exact area between samples for the error, and straight lines for u. The remainder of such a parabola
+is e''' h^3 s(s - 1)(2s - 1)/12, 0 < s < 1. For small h, and breaks of the derivatives on the samples, the errors are at
+most
 
     IAE              h^4/192 sum |e'''|  over the sign changes of e
     ITAE             h^4/192 sum t |e'''| + h^4/720 integral |e'''|
@@ -223,8 +223,7 @@ def measured(case, source, step):
 
 
 def first_passage(errors, step, level):
-    """Return the first time at which the error is at a level, and the rate of the error of this time (see `rates`
-    above)."""
+    """Return the first time at which the error is at a level, and the rate of its error."""
     for k, e in enumerate(errors):
         places = zeros([e[0] - level, *e[1:]], step)
         if places:
@@ -258,7 +257,6 @@ def compare_with_series(case, source, done, step):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     out, gap, apart = {}, mpf(0), mpf(0)
     for source in ("setpoint", "load"):

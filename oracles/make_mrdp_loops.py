@@ -20,7 +20,6 @@ DIGITS = 110
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     values, line = reference(case, DIGITS)
     return stored(case, values, DIGITS, sources=("setpoint", "load")), line
 

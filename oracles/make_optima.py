@@ -11,8 +11,8 @@ Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no response, no search, no gradient of an integral.
   * By make_margins.py, the loop with gains rounded to doubles is stable, and its Ms is the limit to 1e-12.
   * For 2001 values of kp, from 0 to four times the optimal kp, the limit at each of 20001 frequencies is a quadratic
-    equation in ki. Its least root bounds ki. No bound exceeds the largest ki by more than 1e-4, the accuracy that these
-    frequencies permit.
+    equation in ki, whose least root bounds ki. No kp has a larger ki, to 1e-4, the accuracy that these frequencies
+    permit.
 Run: python oracles/make_optima.py
 """
 
@@ -61,7 +61,6 @@ def bound(process, delay, ms, time, top):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     begin = case.pop("start")
     process, delay, ms, time = (case[key] for key in ("process", "delay", "ms", "filter_time"))

@@ -19,8 +19,8 @@ Checks (the script fails if one of them fails).
     is continued beyond its end, and is below 1e-45.
   * Stability is decided by the zeros of 1 + L, and again by the signs in Astrom's recursion.
   * The noise gain agrees to 1e-40 with the sum of the squares of the pulse response of u.
-  * |L| = 1 and L < 0 are put in again. On a grid of 4000 frequencies no value is above the peak.
-Run: python oracles/make_sampled_loops.py
+  * |L| = 1 and L < 0 hold at the crossovers. On a grid of 4000 frequencies no value is above the peak. Run: python
+oracles/make_sampled_loops.py
 """
 
 import math
@@ -250,7 +250,6 @@ def running(values):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     h = mpf(case["sample_time"])
     num, den = ([mpf(x) for x in case["process"][k]] for k in ("num", "den"))

@@ -37,7 +37,7 @@ def rough(found):
 
 
 def store(script: str, digits: int, solve: Callable[[dict], tuple[dict, str]], **more: object) -> None:
-    """Solve all cases, print a line for each, and write the file."""
+    """Solve all cases and write the file. `solve` returns the case with its values, and a line of evidence to print."""
     done = []
     with Pool(2) as pool:
         for case, line in pool.imap(solve, problems(script)):

@@ -2,7 +2,7 @@
 
 Equal terms are equal limits of Ms and noise.
 
-The study writes three tables of the package, which `pidalab.benchmark` also reads. An interrupted table is continued:
+The study writes three tables of the package, which `pidalab.benchmark` also reads, and continues interrupted ones:
 
 * ``processes.csv``: the plants and those of the frontier, with ultimate gain and period, normalised dead time and
   roll-off;
@@ -103,7 +103,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
 def off_the_model(
     row: dict[str, Any], make: Callable[[], Design], process: Process, own: NoiseScale
 ) -> dict[str, Any]:
-    """Return the worst values over changed plants, but none for the terms "quiet"."""
+    """Return the worst values for changed plants, or nothing for the terms "quiet"."""
     if "ms" not in row or row["terms"] == "quiet":
         return {}
     try:

@@ -1,6 +1,6 @@
 """Compute the least IAE as a function of the limit of noise (the frontier), for PI, PID, PIDA and a higher derivative.
 
-The study writes two tables in book/data, in the units of `own_units`. An interrupted table is continued:
+The study writes two tables in book/data, in the units of `own_units`, and continues interrupted ones:
 
 * ``frontier.csv``: thirteen plants of all kinds, orders 0 to 3;
 * ``acceleration_map.csv``: PID and PIDA on second-order plants of three dampings and on three equal lags, all

@@ -39,7 +39,7 @@ LOW, HIGH = (
 )  # gains, in units of the process
 MEMBERS, GENERATIONS = 8, 40  # of each differential evolution: members per unknown, generations
 SIMPLEX = 600  # evaluations of the refinement from the best controller of each band
-PENALTY = 100.0  # penalty for a violated limit, as a share of the IAE
+PENALTY = 100.0  # relative increase of the IAE per relative violation of a limit
 PLANTS: dict[str, tuple[Process, float]] = {  # each process has its limit of |C S|
     "lags2": (pidalab.lags(2, delay=0.5), 20.0),
     "lags3": (pidalab.lags(3, delay=1.0), 20.0),

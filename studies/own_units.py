@@ -1,4 +1,4 @@
-"""Plants in units of their own, and tables of studies that can be interrupted and resumed.
+"""Plants in units of their own, and tables of studies that can be interrupted.
 
 A loop can hardly be faster than the ultimate period Pu of its plant, and the gain of its controller can hardly exceed
 the ultimate gain Ku. In these units plants of different speed are comparable:
@@ -121,7 +121,7 @@ def resume(
 ) -> None:
     """Compute the tasks that are not in the file yet, on all cores. Write the rows of each task when it is done.
 
-    The values of the columns `key` identify a task, which begins with them.
+    A task begins with the values of the columns `key`, which identify it.
     """
     from tqdm import tqdm
 

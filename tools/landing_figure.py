@@ -18,7 +18,7 @@ from pidalab import plots
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 sys.path.insert(0, str(BOOK / "across"))
-import tables  # noqa: E402  # threshold and medians of the study
+import tables  # noqa: E402  # has the threshold and the medians of the study
 
 PAGE = BOOK / "intro.md"
 MS, NOISE, END, SHOWN = 1.4, 0.02, 25.0, 1.5

@@ -168,7 +168,7 @@ class DigitalController(Parameters):
         r, y : float, optional
             Set point and measurement at which the controller rests. Give both or neither.
         u : float, optional
-            Control signal to start with, within the limits. By default `bias`.
+            Control signal to start with. It is limited to `limits`. By default `bias`.
 
         Raises
         ------
@@ -192,7 +192,7 @@ class DigitalController(Parameters):
         self.__dict__.pop("_retuned", None)
 
     def _started(self, r: float | None, y: float | None, u: float) -> SimpleNamespace:
-        """Return the states before the first sample, or those of a controller at rest if r and y are given."""
+        """Return the states before the first sample, or the states at rest if r and y are given."""
         states = SimpleNamespace(**{**self._program.states, "control": u})
         if r is not None:
             self._run(states, r, y)

@@ -55,8 +55,8 @@ def discretise(
     reset               For a `SeriesPIDA` with b = c = 1, the integral is the limited signal, filtered by a lag of time
                         constant :math:`t_i` (huba2024, Fig. 1, eqs. (3), (8)). For other controllers,
                         back-calculation is used with the integral time as tracking time.
-    back-calculation    The share :math:`h/(T_t + h)` of the part cut off is taken back from the integral. :math:`T_t`
-                        is the tracking time.
+    back-calculation    The integral is reduced by :math:`h/(T_t + h)` times the part that the limit cuts off.
+                        :math:`T_t` is the tracking time.
     clamping            The integral grows up to the limit, and keeps its value while it would drive the signal beyond.
     None                The integral continues.
     ==================  ==============================================================================================

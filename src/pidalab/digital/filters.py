@@ -129,8 +129,7 @@ def filter_chains(
 ) -> tuple[FilterChain, ...]:
     """Discretise the parts of a controller in series with an output filter of equal lags.
 
-    `behind` contains the time constant and the number of these lags. The weight of the set point is 1 in the integral,
-    b in the proportional part and c in the derivatives.
+    `behind` contains the time constant and the number of these lags.
     """
     _require_useful("filter after the controller", *behind, h, method)
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}

@@ -195,7 +195,7 @@ def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
 
 
 def _skipped(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a skipped sample. The signal keeps its value unless an operator sets it."""
+    """Return the statements for a skipped sample."""
     # The next valid sample continues from the present signal, as after manual mode.
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
     limited = [*_limited(named), *_at_limit(k), Set("control", "limited")]
@@ -220,7 +220,7 @@ def _error(named: dict[str, float], compares: bool) -> list[Statement]:
 
 
 def _tracking(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for tracking of a signal that has acted on the plant instead of the control signal."""
+    """Return the statements for tracking of another signal that has acted on the plant."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))

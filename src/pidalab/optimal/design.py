@@ -43,7 +43,7 @@ SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of
 SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima with a value up to this multiple of the best value are reported
 BEST = 3  # number of descents whose ends are refined
-SAME_END = 1e-4  # the best end of the random starts is refined if its IAE is below (1 + this) * the best IAE
+SAME_END = 1e-4  # the best end of descents from random starts is refined if its IAE is below (1 + this) * the best IAE
 # Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
@@ -73,7 +73,7 @@ def load(
 ) -> Design:
     r"""Return the controller with the least IAE for a step of the load at the process input.
 
-    A limit of None does not apply.
+    A limit that is None does not apply.
 
     Parameters
     ----------

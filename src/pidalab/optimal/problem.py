@@ -69,12 +69,12 @@ def weights(kind: int, L: Any) -> tuple[Any, Any]:
 
 
 def turned(f: Any) -> float:
-    """Return the change of the angle of a function along closely spaced points, for the argument principle."""
+    """Return the change of the angle of a function along closely spaced points."""
     return float(np.angle(f[1:] / f[:-1]).sum())
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Return, ascending, w and the frequencies up to `end` at which a dead time turns the phase by given angles."""
+    """Return w and the frequencies up to `end` at which a dead time turns the phase by given angles, sorted."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -132,7 +132,7 @@ class Problem:
         return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
     def iae(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
-        """Return a function of the unknowns that computes the IAE of a step of the load, with its gradient.
+        """Return a function of the unknowns that returns the IAE of a step of the load and its gradient.
 
         The IAE has the unit of time of the problem. After the horizon, the error is assumed not to change its sign.
         """
@@ -152,7 +152,7 @@ class Problem:
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # An integral of the error beyond the horizon that has the opposite sign is penalised.
+            # Penalise an integral of the error beyond the horizon that has the opposite sign.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
@@ -416,7 +416,7 @@ class SampledNoise:
 def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
     """Return frequencies up to half the sampling frequency.
 
-    They are spaced logarithmically and evenly, and are dense enough to follow the phase of the dead time.
+    They are dense enough to follow the phase of the dead time.
     """
     top = np.pi / h
     lowest = min(1e-4 / time, 1e-3 / h)

@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
-filter times. The second family is for plants that only derivative or acceleration stabilises. The zeros of each of its
-controllers are equal, and below a chosen crossover.
+filter times. The second family is for plants that only derivative or acceleration stabilises. Each of its controllers
+has equal zeros, below a chosen crossover.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Search:
         self.problem, self.limits = problem, limits
         self.active: list[int] = []  # plants of the family that the descents consider
         time = problem.time
-        # The frequencies are dense around the crossover, and dense enough to follow the phase of the dead time.
+        # The frequencies are dense around the crossover, and follow the phase of the dead time.
         far = np.geomspace(10.0, 2.0 / np.exp(FASTEST_ON_GRID), 16)[1:]
         w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
@@ -244,7 +244,7 @@ FILTERS = (-4.0, -2.0, 0.0)
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # an approach to the limits ends at this violation, slightly within the limits
+INSIDE = -1e-3  # least violation at which `relax` ends, slightly within the limits
 TRIED = 60  # number of candidates whose stability is checked
 STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts; least distance between two (see `_apart`)
 NEAREST = 4  # number of candidates from which the limits are approached
@@ -273,7 +273,7 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 def approached(search: Search) -> list[Array]:
     """Return a start that keeps all limits, found from candidates that violate limits.
 
-    Store in `search.nearest` the controller that is nearest to the limits.
+    Store the controller nearest to the limits in `search.nearest`.
     """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
