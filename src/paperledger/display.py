@@ -266,7 +266,7 @@ def outcome(rows: Sequence[Row]) -> str:
 
 
 def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]]) -> Display:
-    """Show each printed item, the heading under which its rows are computed, and the result."""
+    """Show each printed item, the heading under which it is shown, and the result."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in sorted(rows, key=lambda row: row.is_statement):
         key = ("statements", row.page) if row.is_statement else (row.where, "")
@@ -275,9 +275,9 @@ def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]])
     for (item, place), some in groups.items():
         place = place or next((row.page for row in some if row.page), "")
         name = "the chapter" if "/" not in place else "its evidence"
-        heading = next((text for text in headings.get(place, ()) if _names(text, item)), "")
+        heading = next((text for text in headings.get(place or page, ()) if _names(text, item)), "")
         where = Cell("by reading", "by reading")
-        target = f"{'../' * page.count('/')}{place}.html" if place != page else ""
+        target = f"{'../' * page.count('/')}{place}.html" if place not in ("", page) else ""
         if heading:
             where = Cell(heading, f'<a href="{target}#{slug(heading)}">{markup(heading)}</a>')
         elif place:

@@ -286,6 +286,26 @@ def lower_peaks() -> list[float]:
     return [100 - 100 * proposed / itae2 for itae2, proposed in peaks]
 
 
+def heo_itae(k: int, rule: str) -> list[float]:
+    """Return the ITAE that heo2023 shows for Example k and a rule, from the tunings that it shows."""
+    den = {1: (1, 3, 3, 1), 2: (1, 5, 10, 10, 5, 1), 3: (9.0, 11.4, 3.4, 1.0)}[k]
+    settings = {"set point": [(8, 0.2), (20, 0.2), (15, 0.5)], "load": [(12, 0.2), (25, 0.0)]}
+    found = []
+    for test, (end, delay) in ((test, some[k - 1]) for test, some in settings.items() if len(some) >= k):
+        tunings = re.findall(rf"\n{rule}, {test} \|(.*)", text_of(HEO))[k - 1]
+        kc, ti, td, ta = map(float, [*re.findall(rf"/ {N}", tunings), "0"][:4])
+
+        def error(s, test=test, delay=delay, kc=kc, ti=ti, td=td, ta=ta):
+            control = 1 + 1 / (ti * s) + td * s / (0.05 * td * s + 1)
+            control += (ta * s / (0.025 * ta * s + 1)) ** 2 / 2
+            process = np.exp(-delay * s) / np.polyval(den, s)
+            return (1 if test == "set point" else process) / (1 + kc * process * control) / s
+
+        t, e = response(error, end - 1.0)
+        found.append(float(np.trapezoid((t + 1) * np.abs(e), t)))
+    return found
+
+
 def frontier(order: int, ms: str) -> list[float]:
     """Return the savings of an order on the frontier: median, largest, and number of plants with at least a tenth."""
     names = {plant for plant, *_ in least(FRONTIER)}
@@ -552,6 +572,15 @@ SHOWN = [
         lambda: [landing(0.3), median(saved(OPTIMA, "0.3")), landing(1.5), median(saved(OPTIMA, "1.5"))],
     ),
     (HEO, rf"The peak after the load is {N} % lower", lambda: lower_peaks()[:1]),
+    *(
+        (
+            HEO,
+            rf"\nExample {k}, {rule} \| \S+ / {N}" + (rf" \| \S+ / {N}" if k < 3 else ""),
+            partial(heo_itae, k, rule),
+        )
+        for k in (1, 2, 3)
+        for rule in ("IMC", "ITAE-2", "proposed")
+    ),
     *(
         (
             page,

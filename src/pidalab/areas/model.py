@@ -123,8 +123,6 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
 def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int) -> Array:
     """Compute the areas of a process in series with the filter 1/(filter_time s + 1)^filter_order, eq. (8).
 
-    Eq. (8) gives the matrix for one lag. It is applied once for each lag.
-
     Parameters
     ----------
     areas : array_like, shape (count,)

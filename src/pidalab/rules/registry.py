@@ -1,7 +1,6 @@
 """The registry of rules, which `tune`, `compare`, `report` and the command line use.
 
-An entry contains a name, a source, and the model from which the rule starts for each kind of controller. `pidalab.tune`
-passes the process itself to a rule. `pidalab.compare` first derives the model from the process:
+`pidalab.tune` passes the process itself to a rule. `pidalab.compare` first derives the model from the process:
 
 ===============  =====================================================================================================
 model            definition
@@ -37,7 +36,7 @@ from pidalab.rules._design import Design
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps for which a rule is made
-# If a rule leaves the filter to the user, the registry chooses one that adds this share of the model's dead time.
+# For rules that leave the filter to the user: the dead time that the filter adds, divided by that of the model.
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of controllers with automatic reset
 IMC = "heo2023, rows IMC"
@@ -124,7 +123,7 @@ def find(name: str, *others: str) -> Rule:
     name : str
         Name or short name of a rule.
     *others : str
-        Further words that the caller accepts, to be listed in the error message.
+        Further words that the error message lists.
 
     Returns
     -------
