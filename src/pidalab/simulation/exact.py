@@ -11,8 +11,8 @@ power series in the shift z = e^{-hs}:
 So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi_j(\tau) z^j = e^{\mathcal A(z)\tau}`.
 This equation is exact if no multiple of h lies strictly between t and t + tau. The simulation has four steps:
 
-1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring. The unit matrix is left out,
-   so that slow states keep their digits next to fast states.
+1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring (see
+   `pidalab.simulation.ring`).
 2. Compute the states at the multiples of h, one after the other.
 3. Advance the stack at each multiple to the first requested time after the multiple, by powers and by a Taylor series
    for the remainder.
@@ -45,10 +45,10 @@ CHECKED_FROM = 3e3
 # Units of time and u with which a response is computed again, until the comparison with the original response decides.
 OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared
-DENSE = 10_000  # before a response is refused, its size is computed at this number of times or more
+DENSE = 10_000  # least number of times at which the size of a response is computed before it is refused
 # Allowed difference of two responses, divided by the largest value of the signal.
 AGREEMENT = 1e-10
-# If two responses differ by less than this, no third response is needed, since equal errors are unlikely.
+# If this quotient is smaller than CERTAIN, no third response is needed, since equal errors are unlikely.
 CERTAIN = 1e-12
 # Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times. A kick
 # is a short, very large signal of a fast state.
@@ -71,7 +71,7 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     Raises
     ------
     ValueError
-        If too many digits were lost, and as for `pidalab.simulation.ladder.responses`.
+        If too many digits were lost. Also as for `pidalab.simulation.ladder.responses`.
 
     Notes
     -----
@@ -463,7 +463,7 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
 
 
 def _as_input(final: float | None, record: Response) -> Response:
-    """Convert a response to a load step to a response to the process input."""
+    """Turn the load of a response into its control signal."""
     finer = partial(apply_to_finer, record, partial(_as_input, final))
     return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)
 

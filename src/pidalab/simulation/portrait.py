@@ -178,7 +178,7 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
 
 
 def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:
-    """Discretise the prefilters in controllable canonical form. The last axis is the sets."""
+    """Discretise the prefilters in controllable canonical form. The sets are on the last axis."""
     q = len(bank.den) - 1
     num, den = np.stack(bank.num, axis=-1), np.stack(bank.den, axis=-1)
     num, den = num / den[:, :1], den / den[:, :1]

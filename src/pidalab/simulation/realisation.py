@@ -148,7 +148,7 @@ class Cut(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """The fractions of a loop, in the units of a cut."""
+    """The fractions of a loop, in the units of a `Cut`."""
 
     blocks: Mapping[str, Fraction]
     open_loop: Fraction

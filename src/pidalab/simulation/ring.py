@@ -212,9 +212,9 @@ def _width(first, second, most):
     """Return a number of columns that is sufficient for a product, since all further columns would be dropped.
 
     No number in the product of two coefficients exceeds order * a * b, where a and b are the largest numbers of the
-    two. A coefficient of the result is dropped if the sum of its bounds is at most `DROPPED` times the first
-    coefficient of the result. Only this first coefficient is computed here. It is at most as large as the largest
-    coefficient, so nothing is lost that `shortened` would keep.
+    two. The sum of such bounds is a bound for a coefficient of the result. It is compared with `DROPPED` times the
+    first coefficient of the result, the only one that is computed here. This coefficient is at most as large as the
+    largest coefficient, so nothing is lost that `shortened` would keep.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)

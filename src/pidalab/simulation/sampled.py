@@ -1,8 +1,8 @@
 r"""Simulation of loops with a digital controller that samples, holds and is limited.
 
 At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)` and sets the limited signal
-:math:`u_k`, which is held for the sample time h. So the input of the plant is a staircase. If the dead time
-:math:`L = mh + \lambda` is not a multiple of h, the steps of the delayed input lie inside the sample intervals:
+:math:`u_k`, which is held for the sample time h. If the dead time :math:`L = mh + \lambda` is not a multiple of h, the
+steps of the delayed input w lie inside the sample intervals:
 
 .. math:: w(t_k + s) = v_{k-m-1} \;\;(0 \le s < \lambda), \qquad v_{k-m} \;\;(\lambda \le s < h), \qquad v = u + d.
 
@@ -58,10 +58,10 @@ def simulate_sampled(
     r"""Simulate a loop whose controller is digital and limited, exactly for any dead time of the plant.
 
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
-    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead. To start
-    from rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every
-    prefilter are discretised for held inputs with this sample time. All signals and limits are relative to the state of
-    rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
+    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump. To start from rest
+    instead, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every prefilter
+    are discretised for held inputs with this sample time. All signals and limits are relative to the state of rest. An
+    actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the
@@ -118,9 +118,9 @@ def simulate_sampled(
 
     Notes
     -----
-    A controller that is discretised for held inputs cannot use a filter that is faster than the sample time. The
-    response of the derivative to a step would have decayed at the next sample. Use a sample time well below the time
-    constant of the filter, or backward differences, as most PLCs do: ``controller.discretise(sample_time)``.
+    A controller that is discretised for held inputs cannot use a filter whose time constant is below the sample time.
+    The response of the derivative to a step would have decayed at the next sample. Use a sample time well below the
+    time constant, or backward differences, as most PLCs do: ``controller.discretise(sample_time)``.
 
     Examples
     --------
@@ -307,7 +307,7 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     seed : int
         Seed of the generator.
     hold : float, optional
-        Time for which a value is held, as a multiple of the step of t. By default one step.
+        Time for which a value is held: a multiple of the step of t, by default one step.
 
     Returns
     -------

@@ -240,7 +240,7 @@ def run(
     n, before = reference.size, plant.lag_samples[0]
     y_offset, bias = rest
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
-    v = np.zeros(n + before)  # input of the plant without its pulses, including the rest before t = 0
+    v = np.zeros(n + before)  # input of the plant without its pulses
     width = np.zeros(n + before, np.intp)
     x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
     z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)

@@ -68,7 +68,7 @@ def _read_ages(size):
 
 @compiled
 def _longest(size, ages, power, order, most):
-    """Bound the number of ages that the outputs read once `rows` is multiplied by a power.
+    """Bound the number of ages that the outputs read after `rows` is multiplied by a power.
 
     The product is not computed. No element of it exceeds order * a * b, where a and b are the largest elements of the
     two factors.
