@@ -1,5 +1,5 @@
-/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state. The address of the page and the
-   exported file contain this state, too. Each change of the state redraws everything. */
+/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state, as do the address of the page
+   and the exported file. Each change redraws everything. */
 (function () {
   "use strict";
   const { PLANTS, RULES, ORDER, alike, ownPlant, controller, study, noiseScale, noiseGainAt, readNumber, write, read } = globalThis.pidalabModel;
@@ -20,7 +20,7 @@
   const MOST = 5, PAST = 100, LARGEST_FILE = 5e7;
   const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
 
-  /* Return a colour and a dash for each design. They are those of its kind or, for a second design of a kind, the next free. */
+  /* Return a colour and a dash for each design: those of its kind or, for a second design of a kind, the next free ones. */
   function looksOf(kinds) {
     const taken = new Set();
     return kinds.map((kind) => {
@@ -37,7 +37,7 @@
 
   let names = 0;
 
-  /* Create a slider and a number for one value. The number takes any value, the slider takes the usual values with three
+  /* Create a slider and a number for one value. The number takes any value, and the slider takes usual values with three
      digits. A step must change these digits, or a key would move the slider without changing the value. On a logarithmic slider
      a negative value keeps its sign. A value beyond the end of a slider extends the slider. */
   function slider({ label, help, low, high, log, step, get, set }) {
@@ -119,7 +119,7 @@
     return { x, y };
   }
 
-  /* Draw the plots that have a place. `places` contains elements by the name of the plot. */
+  /* Draw the plots that have an element in `places`, by name. */
   function drawPlots(places, process, shown, { ms, record, handles = {} }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
@@ -164,7 +164,7 @@
     }
   }
 
-  /* Columns of tables: a name, the number of a design, and true if an unstable loop has this number. */
+  /* Columns of tables: name, number of a design, and true if an unstable loop has this number. */
   const degrees = (radians) => (radians * 180) / Math.PI;
   const NUMBERS = {
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["Mks", (s) => s.mks],
@@ -189,7 +189,7 @@
     return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain ${digits(gain)}.${none}`;
   }
 
-  /* Return the columns that exist for a loop. An unstable loop has no margins, only numbers of its loop gain. */
+  /* Return the columns of a loop. An unstable loop has no margins, only numbers of its loop gain. */
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
   /* Draw the table of numbers. `below` returns a line of words for each row. */
@@ -234,7 +234,7 @@
     },
   };
 
-  /* Raise an error for unknown fields and for wrong types or values. */
+  /* Raise an error for unknown fields and wrong types or values. */
   function require(object, kind) {
     if (object === null || typeof object !== "object" || Array.isArray(object)) throw new RangeError(`its ${kind} must be an object`);
     for (const [key, value] of Object.entries(object)) {
@@ -244,7 +244,7 @@
     }
   }
 
-  /* Return a state from outside after checking all its fields. */
+  /* Check all fields of a state from outside, and return it. */
   function checked(state) {
     require(state, "state");
     const { own, given, designs } = state;
@@ -321,7 +321,7 @@
       this.takeOver(this.host.dataset.state ? checked(JSON.parse(this.host.dataset.state)) : null);
     }
 
-    /* Take over the state in the address. Fields that it leaves out get their defaults. */
+    /* Take over the state in the address. Missing fields get their defaults. */
     hear() {
       this.heard = location.hash;
       let given = null;
@@ -384,7 +384,7 @@
         if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} searches found this design: there may be a better one`;
         return { ...design, ...found.design, pending: undefined };
       } catch (error) {
-        // A design that was never found is not shown. Any other design keeps its gains.
+        // A design that was never found is not shown. Other designs keep their gains.
         this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule uses its own gain; " : ""}${design.pending ? "no design is shown" : "the gains are unchanged"}`;
         return design;
       }
@@ -429,7 +429,7 @@
 
     link() { return write(this.shared()); }
 
-    /* Put the state into the address when controls rest, since a browser permits few changes of it per second. Do not replace
+    /* Put the state into the address when controls rest, since a browser permits few changes per second. Do not replace
        an address that was given in the meantime and is about to be announced. */
     save() {
       if (!this.unsaved || location.hash !== this.heard) return;
@@ -646,7 +646,7 @@
       this.show(this.call(), "pida_designs.py");
     }
 
-    /* Return all designs with their limits, sampling and noise as Python, and remarks on omissions. Only numbers and quoted names
+    /* Return all designs with their limits, sampling and noise as Python, with remarks on omissions. Only numbers and quoted names
        from the state enter the script. */
     call() {
       const { num, den, delay, end } = this.process, { designs, sampled, noisy } = this.state, names = this.names(), h = Number(this.state.sampleTime);

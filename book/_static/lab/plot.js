@@ -1,4 +1,4 @@
-/* Line plots as plain SVG, with axes and with lines that differ in dash as well as in colour.
+/* Line plots as plain SVG. Lines differ in dash as well as in colour.
 
    pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element `host`.
    A second call moves the lines, and draws the axes again if they changed. An axis has a `range`, or shows what its lines need;
@@ -34,9 +34,9 @@
     for (let k = wanted.length; k < before.length; k++) part.lastChild.remove();
   }
 
-  const shown = new WeakMap(); // the description of what each place shows
+  const shown = new WeakMap(); // the description of each place
 
-  /* Show descriptions in a place. Nothing else may change the children of this place. */
+  /* Show descriptions in a place, whose children nothing else may change. */
   function show(place, ...inside) {
     const wanted = ["", {}, ...inside];
     alter(place, wanted, shown.get(place));
@@ -102,7 +102,7 @@
     return (Math.abs(text) >= 1e5 ? text.toExponential(0) : String(text)).replace("-", "−");
   };
 
-  /* Round a range outwards to a fifth of the step of its ticks, or to a tenth of a decade. So the axis rests while a curve moves
+  /* Round a range outwards to a fifth of a tick or a tenth of a decade, so that the axis rests while a curve moves
      slightly. */
   function rounded([low, high], log) {
     if (log) return [Math.pow(10, Math.floor(10 * Math.log10(low)) / 10), Math.pow(10, Math.ceil(10 * Math.log10(high)) / 10)];
@@ -110,7 +110,7 @@
     return [Math.floor(low / step) * step, Math.ceil(high / step) * step];
   }
 
-  /* Return the points of a line that are visible. Of many points within a unit of width, these are the first, the lowest, the
+  /* Return the visible points of a line. Of many points within a unit of width, these are the first, the lowest, the
      highest and the last. */
   function visible(across, up) {
     const kept = [];
@@ -130,7 +130,7 @@
 
   const place = ({ log, start, each }, value) => start + each * (log ? Math.log10(value) : value);
 
-  /* Return the path of a line. With `stairs` the path first goes along, then up. */
+  /* Return the path of a line. With `stairs` it first goes along, then up. */
   function path({ x, y, stairs }, px, py) {
     const limit = (value) => Math.max(-9999, Math.min(9999, value));
     let drawn = "", across = [], up = [];
@@ -204,7 +204,7 @@
     return low;
   }
 
-  /* Draw what lies in front of the lines: handles, the box of a zoom, and the values at a place. */
+  /* Draw in front of the lines: handles, the box of a zoom, and the values at a place. */
   function showFront(found) {
     const { px, py, at, box, picture: { lines, notes = [], handles = [] } } = found, parts = [], words = [];
     for (const { x, y, words, anchor = "middle", below } of notes) parts.push(["text", { x: word(place(px, x)), y: word(place(py, y) + (below ? 24 : -9)), "text-anchor": anchor }, words]);
