@@ -1,4 +1,4 @@
-"""Checks of arguments, with error messages in one style."""
+"""Checks of arguments. If a check fails, it raises an error that names the argument and the value found."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HIGHEST = 400  # highest order of a lag, filter or expansion; polynomials of hig
 def real(
     name: str, value: Any, *, above: float = -math.inf, at_least: float = -math.inf, at_most: float = math.inf
 ) -> float:
-    """Return `value` as a finite float within bounds. Otherwise raise an error that names the argument."""
+    """Return `value` as a finite float within bounds."""
     try:
         if isinstance(value, NO_NUMBERS):
             raise TypeError
@@ -41,7 +41,7 @@ def real(
 
 
 def integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) -> int:
-    """Return `value` as an int from `at_least` to `at_most`. Otherwise raise an error that names the argument."""
+    """Return `value` as an int from `at_least` to `at_most`."""
     number = real(name, value)
     if not number.is_integer() or number < at_least:
         raise ValueError(f"{name} must be a whole number, at least {at_least}, found {value!r}")
@@ -51,19 +51,19 @@ def integer(name: str, value: Any, *, at_least: int, at_most: float = math.inf) 
 
 
 def order(name: str, value: Any, *, at_least: int) -> int:
-    """Return `value` as the order of a lag, filter or expansion. Otherwise raise an error that names the argument."""
+    """Return `value` as the order of a lag, filter or expansion."""
     return integer(name, value, at_least=at_least, at_most=HIGHEST)
 
 
 def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
-    """Raise unless `value` is one of the allowed words. None may be allowed."""
+    """Raise unless `value` is one of the allowed values."""
     if not isinstance(value, str | None) or value not in allowed:
         *others, last = map(repr, allowed)
         raise ValueError(f"{name} must be {', '.join(others)} or {last}, found {value!r}")
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return the hint ``; pass its .process`` (or model, controller) if this attribute has the type, else no text."""
+    """Return the hint ``; pass its .process`` (or .model, .controller) if this attribute is a `kind`, else no text."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"
@@ -103,12 +103,12 @@ def _real_array(name: str, value: ArrayLike) -> Array:
 
 
 def array(name: str, value: ArrayLike) -> Array:
-    """Return `value` as a finite, non-empty float array of any shape. Otherwise raise and name the argument."""
+    """Return `value` as a finite, non-empty float array of any shape."""
     return _finite(name, _real_array(name, value))
 
 
 def _finite(name: str, values: Array) -> Array:
-    """Return an array unchanged. Raise if it is empty or contains NaN or infinity."""
+    """Return an array unchanged, or raise if it is empty or not finite."""
     if not values.size:
         raise ValueError(f"{name} must hold at least one number, found shape {values.shape}")
     if not all_finite(values):
@@ -119,7 +119,7 @@ def _finite(name: str, values: Array) -> Array:
 
 
 def all_finite(values: Array) -> bool:
-    """Return True if all numbers are finite. Test their sum first, since this needs no further array."""
+    """Return True if all numbers are finite. The sum is tested first, since it needs no further array."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(np.add.reduce(values, axis=None)) or np.isfinite(values).all())
 
@@ -134,12 +134,12 @@ def complex_array(name: str, value: ArrayLike) -> Any:
 
 
 def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
-    """Return `value` as a finite one-dimensional float array. Otherwise raise an error that names the argument."""
+    """Return `value` as a finite one-dimensional float array."""
     return _one_dimensional(name, _real_array(name, value), minimum_length)
 
 
 def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array:
-    """Return a finite one-dimensional array unchanged. Raise for any other array."""
+    """Return a finite one-dimensional array unchanged."""
     if values.ndim != 1 or values.size < minimum_length:
         raise ValueError(
             f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {values.shape}"
@@ -168,14 +168,14 @@ def proper(what: str, num: Array, den: Array) -> None:
 
 
 def uniform_time(name: str, value: ArrayLike) -> Array:
-    """Return a uniform time grid that starts at 0. Otherwise raise an error that names the first wrong time."""
+    """Return a uniform time grid that starts at 0."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
         raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract that time")
     step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")
-    # Check block by block, since allocating memory for all would take longer than the arithmetic.
+    # Check block by block, since large temporary arrays would take longer than the arithmetic.
     for start in range(0, t.size, BLOCK):
         block = t[start : start + BLOCK]
         grid = step * (start + INDICES[: block.size])
@@ -221,7 +221,7 @@ def squarable(name: str, array: Array) -> None:
 
 
 def pair(name: str, what: str, value: Any) -> tuple[float, float]:
-    """Return two numbers as floats. Otherwise raise an error that names the argument and the meaning of the numbers."""
+    """Return two numbers as floats. `what` is their meaning in the error message."""
     try:  # infinite floats and NaN are allowed here
         first, second = (float(x) if isinstance(x, (float, np.floating)) else real(name, x) for x in value)
     except (TypeError, ValueError):
@@ -230,7 +230,7 @@ def pair(name: str, what: str, value: Any) -> tuple[float, float]:
 
 
 def limits(value: Any) -> tuple[float, float]:
-    """Return lower and upper limit as floats. They may be infinite. Raise unless they are in order."""
+    """Return lower and upper limit as floats, possibly infinite. Raise unless they are in order."""
     low, high = pair("limits", "lower and upper", value)
     if not low < high:
         raise ValueError(f"limits must be (lower, upper) with lower < upper, found {value!r}")

@@ -5,9 +5,9 @@ with the plain forms, whose results differ only by rounding. After a second in p
 compiled code if the code of all kernels is stored. Otherwise it starts another process that compiles in the background.
 A call with large arguments waits for compiled code. Without numba every call uses the plain form.
 
-If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. Tests, notebooks and benchmarks do so.
-With ``PIDALAB_COMPILE=0``, or numba's own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored
-in ``NUMBA_CACHE_DIR`` if that is set, else in ``__pycache__`` of the package, else in the user's cache.
+If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. With ``PIDALAB_COMPILE=0``, or numba's
+own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set,
+else in ``__pycache__`` of the package, else in the user's cache.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import numpy as np
 
 LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
-KERNELS = PACKAGE / "simulation"  # the folder that contains all kernels
+KERNELS = PACKAGE / "simulation"  # folder of all kernels
 LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers
 PLAIN_SECONDS = 1.0  # time in plain forms before the first search for compiled code, and between searches
 RETRY_SECONDS = 600.0  # time before a second attempt to compile; each later wait is four times as long
@@ -38,7 +38,7 @@ MOST_ATTEMPTS = 6
 
 
 class Kernel:
-    """A function in both forms. Compiled kernels call compiled kernels, and plain kernels call plain kernels.
+    """A function in plain and compiled form. Each form calls the same form of other kernels.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The compiled form. Its code is stored in a folder whose name changes if the source of any kernel changes."""
+        """The compiled form."""
         import numba
 
         config: Any = numba.config
@@ -94,7 +94,7 @@ class Kernel:
             cells and tuple(CellType(_python_form(cell.cell_contents)) for cell in cells),
         )
         self.__dict__["python_form"] = (
-            plain_function  # set before the loop over names, since kernels may call each other
+            plain_function  # set before the next line, since kernels may call each other
         )
         names.update({name: _python_form(value) for name, value in names.items()})
         return plain_function
@@ -111,7 +111,6 @@ class Kernel:
 
     @property
     def py_func(self) -> Callable[..., Any]:
-        """The function that numba compiles."""
         return self.function
 
 
@@ -229,7 +228,7 @@ def code_folder() -> Path | None:
 
 
 def is_complete() -> bool:
-    """Return True if compiled code of all kernels is stored for these sources, this Python, numba and machine."""
+    """Return True if compiled code of all kernels is stored in the folder of `code_folder`."""
     folder = code_folder()
     return folder is not None and (folder / "complete").is_file()
 

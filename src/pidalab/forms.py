@@ -84,7 +84,7 @@ class IdealGains(NamedTuple):
         Raises
         ------
         ValueError
-            If there is no proportional action, since the standard form divides by kp.
+            If there is no proportional action.
 
         Examples
         --------
@@ -134,8 +134,8 @@ class IdealGains(NamedTuple):
         Raises
         ------
         ValueError
-            If there is no integral action, or if the numerator has no zero on the negative real axis, which the reset
-            factor needs. A PID controller with ti < 4 td has no such zero.
+            If there is no integral action, or if the numerator has no zero on the negative real axis (as for a PID
+            controller with ti < 4 td).
 
         Examples
         --------

@@ -15,10 +15,10 @@ from pidalab.digital import DigitalController
 from pidalab.process import AsymmetricPlant, Process, fraction_at, quotient, rational
 from pidalab.roots import roots
 
-if TYPE_CHECKING:  # python-control is imported only for a frequency response.
+if TYPE_CHECKING:
     import control
 
-FREQUENCIES = 1000  # frequencies of a frequency response, before those for the dead time are added
+FREQUENCIES = 1000  # number of frequencies of a response, without those for the dead time
 # Largest change of the phase by the dead time, in rad: between two frequencies, and in total.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
@@ -52,9 +52,8 @@ class Loop:
     process : Process
         The plant with its dead time. A python-control system is a plant without dead time.
     controller : controller, DigitalController, control.TransferFunction or float
-        A proper controller, whose input is the filtered set point minus the measurement. If the controller is
-        digital, the loop has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and
-        `is_stable` with such a loop.
+        A proper controller, whose input is the filtered set point minus the measurement. If the controller is digital,
+        the loop has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and `is_stable` with it.
     output_filter : Process, OutputFilter or control.TransferFunction, optional
         Proper filter without dead time, in series with the controller and inside the loop. By default 1.
     prefilter : Process, OutputFilter or control.TransferFunction, optional
@@ -64,7 +63,7 @@ class Loop:
     ------
     TypeError, ValueError
         If a block is not proper, has several inputs or outputs or is not continuous in time, or if the prefilter is
-        unstable. (Feedback cannot stabilise a prefilter.)
+        unstable.
 
     Examples
     --------
@@ -336,7 +335,7 @@ class Loop:
         frequencies : array_like, optional
             Rising frequencies in rad per time unit, above 0. The default grid reaches a decade beyond the corner
             frequencies of L on both sides, but not beyond the frequency at which the dead time has turned the phase by
-            4π. It is dense enough to follow the phase.
+            4π.
 
         Returns
         -------
@@ -364,7 +363,7 @@ class Loop:
         return control.FrequencyResponseData(self.L(1j * w), w, name="L")
 
     def _frequencies(self) -> _check.Array:
-        """Return frequencies around the corners of L. They are dense enough for the phase of the dead time."""
+        """Return frequencies around the corners of L, dense enough for the phase of the dead time."""
         corners = np.abs(np.concatenate([roots(part) for part in self.open_loop]))
         delay = self.process.delay
         corners = np.append(corners[corners > 0], 1 / delay if delay else [])
@@ -401,7 +400,7 @@ def open_loop(loop: Loop) -> Fraction:
 
 
 def _rational(name: str, block: Any, kind: type) -> Fraction:
-    """Return (num, den) of a block. If `system` is not a block, the error names an attribute that is."""
+    """Return (num, den) of a block, or raise if it is not a block."""
     hint = "" if hasattr(block, "fraction") else _check.carrier(block, kind)
     if hint:
         raise TypeError(f"{name} must be a block of the loop, found {type(block).__name__}{hint}")

@@ -1,7 +1,6 @@
 """Figures, drawn by functions of responses, loops and axes.
 
-After `use_book_style` each kind of controller has the same colour and dash in all figures. The figures are also legible
-in grey.
+With `use_book_style`, they are also legible in grey.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
 LINE_POINTS = 4000  # largest number of points of a line; a vector file drops invisible points
-NOISY_POINTS = 400  # of a noisy line, nearly all of whose points a vector file would keep
+NOISY_POINTS = 400  # the same for a noisy line, since a vector file would keep nearly all of its points
 
 
 def use_book_style() -> None:
     """Configure matplotlib for the book, with transparent SVG that is identical in every run.
 
-    A line whose label names a kind of controller then has the colour and the dash of that kind.
+    A line whose label names a kind of controller gets the colour and dash of that kind.
 
     Examples
     --------
@@ -108,7 +107,7 @@ def signal(
         End of the time axis. By default the end of the records.
     faint : mapping of str to Response, optional
         Lines without label below the others, such as single noisy runs. Each has the colour of the response with the
-        same key.
+        same label.
 
     Raises
     ------
@@ -202,7 +201,7 @@ def maps(
     values : mapping of str to array_like, shape (m, n)
         Maps by their titles. Values that are not finite, such as those of unstable loops, are hatched.
     levels : sequence of float
-        Limits of the shades. Values below the first limit have the first shade. Values above the last limit have an
+        Limits of the shades. Values below the first limit have the first shade, and values above the last limit an
         additional shade.
     label : str
         Label of the scale.
@@ -295,7 +294,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     at : mapping of str to float
         Horizontal position of each label.
     below : collection of str, optional
-        Labels that are written below their lines. The others are written above.
+        Labels that are written below their lines instead of above.
 
     Raises
     ------
@@ -340,7 +339,7 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     frequencies : ndarray
         Frequencies in rad per time unit.
     ms : float, optional
-        Maximum sensitivity. L must not enter the circle with radius 1/ms around -1, which is drawn.
+        Maximum sensitivity, drawn as the circle with radius 1/ms around -1, which L must not enter.
 
     Raises
     ------
@@ -403,7 +402,7 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
 
 
 class _LiveFigure:
-    """Content of a live figure. It is stored as JSON in a script element, which the scripts of the page read."""
+    """Content of a live figure, stored as JSON in a script element for the scripts of the page."""
 
     def __init__(self, state: Mapping[str, Any]) -> None:
         self.state = dict(state)
@@ -419,7 +418,7 @@ class _LiveFigure:
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
     """Make a live figure of the book from controllers.
 
-    Call the function in a cell inside ``<div class="pidalab-live">``. The div becomes a figure with controls. Readers
+    Call the function in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers
     without JavaScript see the figure that the cell draws.
 
     Parameters
@@ -435,7 +434,7 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
     Returns
     -------
     object
-        Object that the notebook displays. Its ``state`` contains the options of the figure.
+        Object that the notebook displays. Its ``state`` contains all options.
 
     Raises
     ------
@@ -476,7 +475,6 @@ def _six_digits(value: Any) -> Any:
 
 
 def _require_axes(ax: Any) -> None:
-    """Raise unless `ax` is a matplotlib Axes."""
     if not isinstance(ax, Axes):
         raise TypeError(f"ax must be one of matplotlib's Axes, found {type(ax).__name__}")
 

@@ -71,7 +71,7 @@ class Process(Block):
         Coefficients of :math:`b` and :math:`a` in descending powers of s, as for ``control.tf``.
         The degree of `num` must not exceed that of `den`.
     delay : float, optional
-        Dead time in the time unit of the model. It must be 0 or above 1e-150. It is never approximated.
+        Dead time, which is never approximated. It must be 0 or at least 1e-150.
 
     Raises
     ------
@@ -137,7 +137,7 @@ class Process(Block):
         Returns
         -------
         Process
-            Process with the same rational part and the dead time.
+            The process.
 
         Raises
         ------
@@ -220,7 +220,7 @@ def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float
     except FloatingPointError:
         largest = points.flat[
             np.argmax(np.abs(points / 2))
-        ]  # the factor 1/2 prevents overflow in the modulus of the largest numbers
+        ]  # the factor 1/2 prevents overflow of the modulus
         raise ValueError(f"s must be smaller, since the values overflow, found {largest:.3g}") from None
 
 
@@ -274,7 +274,7 @@ def rational(name: str, system: Any) -> tuple[_check.Array, _check.Array]:
 
 
 def require_process(name: str, value: Any) -> None:
-    """Raise unless `value` is a Process. If one of its attributes is a Process, the message names the attribute."""
+    """Raise unless `value` is a Process."""
     if not isinstance(value, Process):
         hint = _check.carrier(value, Process)
         raise TypeError(f"{name} must be a pidalab.Process, found {type(value).__name__}{hint}")
@@ -366,7 +366,7 @@ def ipdt(gain: float, delay: float) -> Process:
     Parameters
     ----------
     gain : float
-        Velocity gain, which is the slope of the output divided by the input.
+        Velocity gain: slope of the output divided by the input.
     delay : float
         Dead time, not negative.
 
@@ -488,7 +488,7 @@ class AsymmetricPlant:
         (main, under), (past, below) = rational("main", self.main), rational("direct", self.direct)
         under = np.convolve(under, [time, 1.0])
         extra, rest = np.polydiv(under, below) if under.size >= below.size else (np.ones(1), under)
-        # If one denominator divides the other, the larger denominator serves both.
+        # If `below` divides `under`, then `under` serves as common denominator.
         if np.max(np.abs(rest)) < 1e-12 * np.max(np.abs(under)):
             return Process(np.polyadd(main, np.convolve(past, extra)), under, self.delay)
         num = np.polyadd(np.convolve(main, below), np.convolve(past, under))

@@ -1,9 +1,9 @@
 r"""Noise gain in units of the plant, which does not depend on the units of y, u and time.
 
 The *noise gain* of a loop is the standard deviation of u divided by that of white measurement noise, which is held for
-a sample time h. Its unit is that of u divided by that of y, and its value depends on h. Here h is a hundredth
-of the ultimate period of the plant. The *relative noise gain* is the noise gain divided by the ultimate gain of the
-plant. A proportional controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
+a sample time h. It depends on h, which is here a hundredth of the ultimate period of the plant. The *relative noise
+gain* is the noise gain divided by the ultimate gain of the plant. A proportional controller with a tenth of the
+ultimate gain has a relative noise gain near 0.1.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _without_ultimate_period(process: Process) -> NoiseScale:
 
 
 def relative_noise_gain(loop: Loop) -> float:
-    """Return the noise gain of a loop in units of its plant, which is a dimensionless number.
+    """Return the dimensionless noise gain of a loop in units of its plant.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def relative_noise_gain(loop: Loop) -> float:
 
 
 def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:
-    """Return the noise gain of the sampled loop, or NaN, with a remark on what was measured or why that failed."""
+    """Return the noise gain of the sampled loop and a remark, which says what was measured or why the gain is NaN."""
     try:
         return noise_gain(loop, sample_time), ""
     except ValueError as refusal:

@@ -19,17 +19,14 @@ ARRIVED_SHARE = 0.1
 class Response(Signals):
     r"""Sampled signals of one experiment on a loop, simulated or recorded.
 
-    `r`, `d` and `n` are held between samples. The control error between two samples is the parabola that passes through
-    both end values and has the exact area (`area`). So IE is exact, and IAE, ISE and ITAE include changes of sign
-    between samples.
+    Between two samples, the control error is the parabola that passes through both end values and has the exact area
+    (`area`). So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
 
-    The samples may be too coarse for a measure. For a response from `simulate`, measures are therefore computed on
-    finer grids until they change by less than 2e-4. A warning is given if too many points would be needed. For a record
-    with a given `area`, measures of y and e are compared with those from every second sample. A warning is given if the
-    relative difference exceeds 3e-3. (For overshoot and undershoot, the difference is divided by at least 1 %. For
-    `tv1`, it is divided by the total variation.) There is no such test for records with noise, for records without
-    `area`, and for u of records that were not simulated. For these, a step of a thirtieth of the shortest time constant
-    usually keeps the error below 1e-3.
+    Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. A warning
+    says if too many points would be needed. For a record with a given `area`, measures of y and e are compared with
+    those from every second sample, with a warning if the relative difference exceeds 3e-3. There is no such test for
+    records with noise, for records without `area`, and for u of records that were not simulated. In these cases, a step
+    of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -40,7 +37,7 @@ class Response(Signals):
     y, u : ndarray, shape (k,)
         Process output and control signal. At a jump, the value just after the jump.
     area : ndarray, shape (k,), optional
-        Running integral of y from t = 0. The simulation provides it. By default the trapezoidal rule is used.
+        Running integral of y from t = 0. By default the trapezoidal rule is used.
     held : ndarray, shape (k,), optional
         The part of y that is held between samples, such as noise in a measured record. By default 0.
     final : float, optional
@@ -131,8 +128,7 @@ class Response(Signals):
         horizon : float, optional
             Upper limit, as for `ie`.
         origin : float, optional
-            Time t_0 at which the weight is zero, at most 0. If the weight begins 1 time unit
-            before the record, use ``origin=-1``.
+            Time t_0 at which the weight is zero, at most 0.
 
         Returns
         -------
@@ -142,7 +138,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            As for `ie`. Also if the origin is after 0.
+            As for `ie`, or if the origin is after 0.
 
         Examples
         --------
@@ -218,7 +214,7 @@ class Response(Signals):
         signal : {"u", "y"}
             Signal to measure.
         horizon : float, optional
-            End of the sum, as for `iae`. By default the end of the record.
+            End of the sum, by default the end of the record.
         final : float, optional
             Value that the signal approaches after the horizon. The change to this value is added.
 
@@ -244,9 +240,9 @@ class Response(Signals):
     def tv1(self, signal: str = "u", horizon: float | None = None, *, final: float | None = None) -> float:
         r"""Return the total variation in excess of one pulse (huba2024, eq. (24)).
 
-        The excess is :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|`. It is zero for a signal
-        with two monotonic intervals, such as an ideal control signal. :math:`x_m` is the extreme that is farthest from
-        the line between start and end.
+        The excess is :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|`. It is zero for a signal with two
+        monotonic intervals, such as an ideal control signal. :math:`x_m` is the value that is farthest from the mean of
+        :math:`x_0` and :math:`x_\infty`.
 
         Parameters
         ----------
@@ -313,7 +309,7 @@ class Response(Signals):
         return np.concatenate([[0.0], getattr(self, signal)[within], last])
 
     def _final(self, final: float | None, measure: str) -> float:
-        """Return the value with which a step response is compared, by default the final set point."""
+        """Return the final value, by default the final set point."""
         final = self.final if final is None else final
         target = float(self.r[-1]) if final is None else _check.real("final", final)
         self._require_bounded("y", self.y, measure)
@@ -324,7 +320,7 @@ class Response(Signals):
         return target
 
     def overshoot(self, final: float | None = None) -> float:
-        """Return the overshoot of y beyond its final value, in per cent of the final value. Return 0 if there is none.
+        """Return the overshoot of y in per cent of its final value, or 0 if there is none.
 
         Parameters
         ----------
@@ -334,7 +330,7 @@ class Response(Signals):
         Returns
         -------
         float
-            Overshoot in per cent, including extremes between samples.
+            Overshoot, including extremes between samples.
 
         Raises
         ------
@@ -415,7 +411,7 @@ class Response(Signals):
         return float(start[where[1]] + self.step * places[where]), float(shares[where])
 
     def undershoot(self, final: float | None = None) -> float:
-        """Return how far y moves away from its final value, in per cent of that value. A jump at t = 0 counts.
+        """Return how far y moves in the wrong direction, in per cent of its final value. A jump at t = 0 counts.
 
         Parameters
         ----------
@@ -425,7 +421,7 @@ class Response(Signals):
         Returns
         -------
         float
-            Per cent, at the samples. 0 if y never moves away from its final value.
+            Undershoot in per cent at the samples, or 0 if there is none.
 
         Raises
         ------
@@ -521,8 +517,8 @@ class Response(Signals):
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Return the time in which y rises from a low share to a high share of its final value.
 
-        If y exceeds a share at t = 0, it passes this share at t = 0. So the rise time is 0 if a record starts above the
-        high share, for example if the set point decreases towards 0.
+        A share that y exceeds at t = 0 counts as passed at t = 0. So the rise time is 0 if the record starts above the
+        high share.
 
         Parameters
         ----------
@@ -574,8 +570,8 @@ class Response(Signals):
         Parameters
         ----------
         band : float, optional
-            Half width between 0 and 1 (0.02 for 2 %), as a share of the final set point. If the set point ends at 0, it
-            is a share of the largest error.
+            Half width between 0 and 1 (0.02 for 2 %), as a share of the final set point, or of the largest error if the
+            set point ends at 0.
         final : float, optional
             Final value that replaces the set point, such as the static gain for the step response of a process.
 
@@ -639,8 +635,8 @@ def _missed(path: Array) -> Array:
 
     The signal may be smooth, have a corner, or jump between two samples. In each case it stays within the extrapolation
     of the two samples before the extreme or of the two samples after it. A smooth signal reaches an eighth of the
-    extrapolated change, and a corner reaches half of it on average. A quarter is returned. A step that is much larger
-    than its neighbour counts as a jump.
+    extrapolated change, and a corner reaches half of it on average. A quarter is returned. A step that is more than
+    three times its neighbour counts as a jump.
     """
     rises = np.diff(path)
     steps = np.pad(np.abs(rises), 2)  # gives each sample two steps before and two steps after it

@@ -1,6 +1,6 @@
 """Compile every kernel by using it once: ``python -m pidalab.warm_up``.
 
-A process that has spent a second in plain forms runs this module in the background (`pidalab._compiled`).
+`pidalab._compiled` runs this module in the background.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Characteristic areas of a process, from which the magnitude optimum computes a controller (vrancic2021).
 
-`from_process` computes areas from a model, and `from_record` computes them from measured signals.
+`from_process` computes areas from a model, and `from_record` from measured signals.
 """
 
 from pidalab.areas.measured import MeasuredAreas, RecordWarning, from_record

@@ -1,11 +1,11 @@
 r"""Measure characteristic areas from a record, for tuning without a model (vrancic2021).
 
-The areas are those of `pidalab.areas.from_process`. The paper integrates the record repeatedly, as in earlier work:
-:math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here the areas are computed from moments of
-the two signals about the time of the change, up to the time at which the record has settled. Without noise both methods
-give the same areas. Repeated integration runs to the end of the record, where noise has the largest weights. In a
-record of 1/(s + 1)^4 that is 50 time constants long and has noise of 0.001, the error of A_5 is 50 % with repeated
-integration and 3 % with moments.
+The areas are those of `pidalab.areas.from_process`. The paper integrates the record repeatedly:
+:math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here the areas are computed from moments of u
+and y about the time of the change, up to the time at which the record has settled. Without noise both methods give the
+same areas. Repeated integration runs to the end of the record, where noise has the largest weights. In a record of 1/(s
++ 1)^4 that is 50 time constants long and has noise of 0.001, the error of A_5 is 50 % with repeated integration and 3 %
+with moments.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SHORTEST = 0.05  # least length of a steady state, relative to the record
 SHORTER = 0.9  # length of each tried steady state / length of the previous one
 DRIFT = 2.5  # a transient of up to this number of standard deviations counts as noise
 FADE = 5.0  # like DRIFT, but for the squares of the record, which scatter more
-LONGER = 1.1  # noise hides the end of a transient, so the time until none is visible is multiplied by this
+LONGER = 1.1  # noise hides the end of a transient, so its visible duration is multiplied by this
 ROUNDING = float(np.finfo(float).eps)  # a smaller drift, relative to the level, is a rounding error
 UNCERTAIN = 0.05  # a warning is given if the relative uncertainty of an area is larger
 
@@ -39,7 +39,7 @@ class RecordWarning(UserWarning):
 
 
 def is_record(given: Any) -> TypeGuard[Any]:
-    """Return True for a plant record such as `pidalab.Record`, which may be given instead of times and signals."""
+    """Return True for a plant record such as `pidalab.Record`."""
     return hasattr(given, "after_step")
 
 
@@ -52,7 +52,7 @@ class MeasuredAreas:
     values : ndarray, shape (count,)
         A_0, A_1, ..., in units of y per unit of u times time^k.
     covariance : ndarray, shape (count, count)
-        Covariance of the errors of `values`. It follows from noise and drift in the steady state at the end.
+        Covariance of the errors of `values`, estimated from noise and drift in the final steady state.
     input_levels, output_levels : tuple of float
         Levels before and after the change.
     span : tuple of float
@@ -91,8 +91,8 @@ def from_record(
 ) -> MeasuredAreas:
     r"""Compute the areas from a measured change between two steady states. The input may have any shape in between.
 
-    Let :math:`\tau` count from the first move of the input, let :math:`\Delta u` and :math:`\Delta y` be the whole
-    changes, and :math:`u_\infty, y_\infty` the levels at the end. Then the moments
+    Let :math:`\tau` be the time since the first move of the input, :math:`\Delta y` the whole change of y, and
+    :math:`y_\infty` its final level. Then the moments
 
     .. math:: a_0 = \Delta y, \qquad
               a_k = \int_0^{\tau_1} \frac{\tau^{k-1}}{(k-1)!} \left(y_\infty - y(\tau)\right) d\tau
@@ -103,15 +103,15 @@ def from_record(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times from 0. A `pidalab.Record` may be given instead, together with `count`.
+        Uniform times from 0. A `pidalab.Record` replaces t, u and y.
     u, y : array_like, shape (n,), optional
         Input, held from each sample to the next, and output. Both must rest at the beginning (unless `start` is given)
         and at the end.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
-        Levels (u, y) before the record, for a change that begins with the first sample. By default they are the first
-        sample of u, and the mean of y until u first moves. If u is noisy, give this argument.
+        Levels (u, y) before the record, for a change that begins with the first sample. By default the first sample of
+        u, and the mean of y until u first moves. Give `start` if u is noisy.
 
     Returns
     -------
@@ -131,24 +131,21 @@ def from_record(
 
     Notes
     -----
-    Sampling with step h causes only one error that matters. If the slope of the output jumps by y', as with a single
-    lag, the error of A_1 is about h² y'/12.
+    Sampling with step h causes only one error that matters: if the slope of y jumps by y', as with a single lag, the
+    error of A_1 is about h² y'/12.
 
-    The end of the record counts as a steady state if none of five decaying exponentials is found in it. Their time
-    constants are 1/32 to 1/2 of the length of this end. The end is divided into sixteen pieces. An exponential is found
-    if its component in the means of the pieces exceeds 2.5 standard deviations. It is also found if its component in
-    the means of the squares, which show decaying oscillations, exceeds 5 standard deviations. Noise hides smaller
-    transients, which would make all areas too small. Therefore the time from the first move of the input to the steady
-    state is made a tenth longer. In simulated records of three processes the areas were about as accurate as with the
-    best fixed start of the steady state. The levels at the end are means over the steady state, and the integrals end
-    at its start.
+    The end of the record counts as a steady state if none of five decaying exponentials, with time constants of 1/32 to
+    1/2 of the length of this end, is found in it. An exponential is found if its component exceeds 2.5 standard
+    deviations in the means of sixteen pieces, or 5 in the means of the squares, which show decaying oscillations. Noise
+    hides smaller transients, which would make all areas too small. Therefore the time from the first move of the input
+    to the steady state is made a tenth longer. The final levels are means of the steady state, and the integrals end at
+    its start.
 
-    Four errors are estimated. The first is noise during the change. The second is noise in the final level, which
-    enters :math:`A_k` with the weight :math:`\tau_1^k/k!`. The third is a slow tail hidden in the steady state. Its
-    size follows from the largest difference between the mean of a quarter of the steady state and the mean of the
-    whole. The fourth is quantisation. The noise may be coloured if its correlation time is below a sixteenth of the
-    steady state. For a record that ends before it has settled, the estimate is large but still too small. Load
-    disturbances and outliers are not detected.
+    The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
+    :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of this tail follows from the
+    largest difference between the mean of a quarter of the steady state and the mean of the whole. The noise may be
+    coloured if its correlation time is below a sixteenth of the steady state. For a record that ends before it has
+    settled, the estimated uncertainty is large but still too small. Load disturbances and outliers are not detected.
 
     References
     ----------
@@ -173,7 +170,7 @@ def from_record(
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
         raise ValueError(f"u must end elsewhere than it begins: it starts at {u0:.6g} and ends at {u1:.6g}")
     tau = h * np.arange(last - first + 1)
-    # Compute tau^k / k!.
+    # tau^k / k!
     weights = np.cumprod([np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0)
     a_u = np.append(step, _of_steps(u1 - u[first : last + 1], weights)) / step
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
@@ -235,7 +232,7 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
 
 
 def _pieces(x: Array) -> tuple[Array, float]:
-    """Return the means of the pieces minus the last sample, and the standard deviation of a mean that noise causes."""
+    """Return the means of the pieces minus the last sample, and the standard deviation of a mean due to noise."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
     return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # for Gaussian noise
@@ -310,9 +307,9 @@ def _moment_covariance(
 
 
 def _quantisation(y: Array, end: Array) -> float:
-    """Return the largest error of a level caused by quantisation. It is half a step, or less if noise exceeds the step.
+    """Return the largest error of a level due to quantisation: half a quantisation step, reduced by noise.
 
-    The step is the smallest difference of two values of the record. If there are only two values, it is unknown and the
+    The step is the smallest difference of two values of the record. With fewer than three values it is unknown, and the
     result is 0. Gaussian noise of standard deviation sigma multiplies the error of a mean by exp(-2 pi^2
     sigma^2/step^2), the first harmonic of the rounding error.
     """
@@ -349,7 +346,6 @@ def _over(a: Array) -> Array:
 
 
 def _warn(areas: MeasuredAreas) -> None:
-    """Warn of areas that the record does not determine well."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = areas.uncertainty / np.abs(areas.values)
     bad = np.flatnonzero(share > UNCERTAIN)
@@ -360,8 +356,8 @@ def _warn(areas: MeasuredAreas) -> None:
     if not areas.settled:
         cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
-        f"the record leaves {listed} uncertain ({cause}); use only the areas before A_{bad[0]}, of which a controller "
-        "of order m needs 2m + 4",
+        f"the record makes areas uncertain, {listed} ({cause}); use only the areas before A_{bad[0]}; a controller of "
+        "order m needs 2m + 4",
         RecordWarning,
         stacklevel=3,
     )

@@ -1,8 +1,7 @@
 """Power series about s = 0 with exact rational coefficients.
 
-Every float is a rational number, so sums and products of floats are exact as fractions. The signs of all series here
-alternate. The list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``. With this convention lags and dead
-times have positive coefficients.
+The list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``, so the series of lags and dead times have
+positive coefficients.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Compare every rule of the library with the optima on one process.
 
-Each rule gets the kind of model for which its authors made it (see `pidalab.rules.registry`). All designs are evaluated
-with the process itself.
+Each rule gets the kind of model for which it was made (see `pidalab.rules.registry`). All designs are evaluated with
+the process itself.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Comparison:
     ms, noise_gain, sample_time : float
         The limits of the optima, and the sample time of the noise.
     rows : tuple of DesignRow
-        Measured designs, see `pidalab.comparison.judging.DesignRow`.
+        Measured designs.
     """
 
     process: Process
@@ -104,15 +104,15 @@ def compare(
     process : Process
         The plant.
     ms : float, optional
-        Largest maximum sensitivity, above 1, for the optima and haalman. Other rules ignore it.
+        Largest maximum sensitivity, above 1, for the optima and the rule haalman. Other rules ignore it.
     noise_gain : float, optional
         Largest noise gain, in units of u per unit of y, for the optima and the magnitude optimum. By default 1.5 times
-        the ``gain`` of `pidalab.noise_scale`, which is a relative noise gain of 1.5.
+        the ``gain`` of `pidalab.noise_scale`.
     sample_time : float, optional
         Sample time of the noise, above 0. By default that of `pidalab.noise_scale`. The relative noise gain in the
-        table does not depend on the sample time.
+        table does not depend on it.
     rules : iterable of str, optional
-        Names from the registry, `pidalab.rules.registry`, or "optimal". By default the optima and all rules except
+        Names from `pidalab.rules.registry`, or "optimal". By default the optima and all rules except improved simc and
         those of Chien, Hrones and Reswick.
 
     Returns

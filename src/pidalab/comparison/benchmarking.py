@@ -1,9 +1,8 @@
 """Compare a rule, given as a function, with all rules of the library and the optima on 134 plants.
 
-`judge` evaluates the rule of a user and the rules of the library in the same way. Each design is measured first as
-published. Then it is scaled to the same maximum sensitivity and noise (`pidalab.comparison.at_equal_terms`) and
-measured again. The results of the library's rules and the optima are stored in tables, in units of each plant's
-ultimate gain and period.
+`judge` measures each design as published, and again after scaling to the same maximum sensitivity and noise
+(`pidalab.comparison.at_equal_terms`). The results of the library's rules and the optima are stored in tables, in units
+of each plant's ultimate gain and period.
 """
 
 from __future__ import annotations
@@ -35,16 +34,16 @@ from pidalab.rules.models import StartingModels
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
 NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gains, about two and ten times that of a PI controller
-# These are the columns of the table of rules as published.
+# columns of `Benchmark.as_published` and of `Benchmark.ranking`
 PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")
-RANKED = ("plants", "of its kind", "of all", "worst tenth")  # columns of a ranking
+RANKED = ("plants", "of its kind", "of all", "worst tenth")
 
 Rule = Callable[[Process], Design | Controller]
 
 
 @cache
 def stored(name: str) -> pd.DataFrame:
-    """Return a stored table: ``processes``, ``comparison`` or ``optima``, in units of each plant.
+    """Return a stored table: ``processes``, ``comparison`` or ``optima``.
 
     Parameters
     ----------
@@ -54,7 +53,7 @@ def stored(name: str) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The table. It is shared, so copy it before you change it.
+        In units of each plant's ultimate gain and period. All callers share the table, so copy it before you change it.
 
     Examples
     --------
@@ -69,10 +68,10 @@ def stored(name: str) -> pd.DataFrame:
 def judge(
     rule: str, kind: str, make: Callable[[], Design], process: Process, scale: NoiseScale
 ) -> Iterator[dict[str, Any]]:
-    """Yield the measures of a design on a plant, in units of the plant.
+    """Yield the measures of a design on a plant, in units of the plant's ultimate gain and period.
 
-    The first row is for the design as published. The other rows are for the design at equal terms, first with the noise
-    limit "loud" and then with "quiet".
+    The first row is for the design as published. The next two rows are for the design scaled to `EQUAL_MS` and to the
+    noise limits "loud" and "quiet".
 
     Parameters
     ----------
@@ -88,7 +87,7 @@ def judge(
     Yields
     ------
     dict
-        A row. If the rule refused, the row has a ``reason``.
+        A row, with a ``reason`` if the rule refused.
     """
     row = measure_row(rule, kind, make, process, scale.sample_time, first_horizon(process))
     kind = kind or kind_of(row.design)
@@ -153,16 +152,17 @@ class Benchmark:
     name : str
         Name of the rule.
     rows : pandas.DataFrame
-        A row for each plant and terms, in units of the plant. The terms are ``own`` (as published), ``loud`` and
-        ``quiet`` (at equal terms). A row has the measures, IAE / (least IAE of its kind) as ``of_kind``, IAE / (least
-        IAE of all kinds) as ``of_best``, and the reason of a refusal.
+        A row for each plant and terms, in units of the plant's ultimate gain and period. The terms are ``own`` (as
+        published), and ``loud`` and ``quiet`` (scaled to equal Ms and to a noise limit). A row has the measures, IAE /
+        (least IAE of its kind) as ``of_kind``, IAE / (least IAE of all kinds) as ``of_best``, and the reason of a
+        refusal.
     """
 
     name: str
     rows: pd.DataFrame
 
     def ranking(self, terms: str = "loud") -> pd.DataFrame:
-        """Rank the rule among all rules of the library at equal terms. The closest to the optimum comes first.
+        """Rank the rule among all rules of the library at equal Ms and noise, the closest to the optimum first.
 
         Parameters
         ----------
@@ -300,7 +300,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw how the IAE of each rule varies over the plants, for the kinds of this rule. Mark this rule.
+        """Draw the IAE of each rule on the plants, for the kinds of this rule, and mark this rule.
 
         Parameters
         ----------
@@ -370,23 +370,22 @@ def benchmark(
     ----------
     rule : callable
         Function that takes a `Process` (its model of the plant) and returns a controller or a `Design`. If the rule
-        does not apply, it must raise ValueError. The message is stored.
+        does not apply, it must raise ValueError.
     name : str, optional
         Name in tables. By default the name of the function.
     model : str, optional
-        Model of the plant that is passed to the rule: ``process`` (the plant itself), ``reaction`` (lag and dead time
-        from the steepest tangent), ``first_order``, ``second_order`` (reductions), ``third_order`` (three points of the
-        step response), or ``integrator`` (with dead time).
+        Model that is passed to the rule: ``process``, ``reaction``, ``first_order``, ``second_order``, ``third_order``
+        or ``integrator``. The module `pidalab.rules.registry` defines them.
     plants : iterable of str, optional
         Names of plants. By default all 134.
     executor : concurrent.futures.Executor, optional
-        Pool of processes, or executor of a cluster, in which the rule must be importable. By default the current
-        process computes, which takes about a minute.
+        Pool of processes or cluster, where the rule must be importable. By default the current process computes, which
+        takes about a minute.
 
     Returns
     -------
     Benchmark
-        Result to print, to draw, or to write as CSV or as a LaTeX table.
+        Result to print, to draw, or to write as CSV or LaTeX.
 
     Raises
     ------

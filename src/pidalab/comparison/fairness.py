@@ -37,7 +37,7 @@ def at_equal_terms(
     Parameters
     ----------
     design : Design
-        Design of any rule. Its prefilter is ignored, since it does not change Ms, noise and load response.
+        Design of any rule. Its prefilter is ignored.
     process : Process
         The plant.
     ms : float
@@ -56,8 +56,8 @@ def at_equal_terms(
     Raises
     ------
     TypeError, ValueError
-        If an argument is out of range, if the gains of the design have no common form, if no gain above a hundredth of
-        the rule's gives a stable loop with this Ms, or if no filter gives this noise.
+        If an argument is out of range, if no gain above a hundredth of the rule's gives a stable loop with this Ms, or
+        if no filter gives this noise.
 
     Examples
     --------

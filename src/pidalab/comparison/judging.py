@@ -45,8 +45,8 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        `ms_worst` is the largest Ms with any of the other plants on which the design is tested, for the digital loop if
-        there is one. `iae_worst` is the IAE with that plant.
+        `ms_worst` is the largest Ms with any of the other plants on which the design is tested (Ms of the digital loop
+        if there is one). `iae_worst` is the IAE with the plant of `ms_worst`.
     price : float
         IAE, divided by the IAE of a design for which `ms_worst` is not limited.
     ms_sampled : float

@@ -1,8 +1,7 @@
 """Controllers in the forms of the papers, with filters.
 
-Every controller can return its unfiltered gains (`pidalab.forms.IdealGains`). The gains convert to the other forms. If
-a form does not exist, an error explains why. Printing a controller shows all its forms. Filters convert only between
-forms of the same structure.
+The unfiltered gains of every controller (`pidalab.forms.IdealGains`) convert to the other forms, without the filters.
+If a form does not exist, an error explains why. Printing a controller shows all its forms.
 """
 
 from pidalab.controllers.base import AutomaticReset, Controller, Fraction

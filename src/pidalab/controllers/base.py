@@ -60,7 +60,6 @@ class Controller(Block):
         Returns
         -------
         AutomaticReset or None
-            Parameters that a simulation with limits needs.
 
         Examples
         --------
@@ -78,7 +77,7 @@ class Controller(Block):
         Returns
         -------
         control.TransferFunction
-            Transfer function from error to control signal. Factors of absent actions are cancelled.
+            Transfer function from error to control signal.
 
         Examples
         --------
@@ -125,12 +124,12 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define fraction")
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return the parts of the filtered controller, each with gains and a filter. The controller is their sum.
+        """Return the parts, each with gains and a filter, whose sum is the filtered controller.
 
         Returns
         -------
         tuple of FilteredGains
-            The parts. There is only one if all gains have the same filter.
+            A single part if all gains have the same filter.
 
         Raises
         ------
@@ -193,9 +192,8 @@ class Controller(Block):
         output_filter : OutputFilter or control.TransferFunction, optional
             As in `pidalab.digital.discretise`. `Design.discretise` passes the output filter of the design.
         **options : optional
-            As in `pidalab.digital.discretise`, such as set-point weights, limits and anti-windup. The default limits
-            are the ``limits`` of the controller plus `bias`. If a controller has derivatives but no proportional
-            action, its default anti-windup is "clamping".
+            As in `pidalab.digital.discretise`. The default limits are the ``limits`` of the controller plus `bias`. The
+            default anti-windup of a controller with derivatives but without proportional action is "clamping".
 
         Returns
         -------

@@ -48,20 +48,9 @@ class PIDA(Controller):
     .. math:: C(s) = k_p \left(1 + \frac{1}{t_i s} + \frac{t_d s}{\frac{t_d}{n} s + 1}
               + \frac{t_a s^2}{\left(\frac{t_a}{m} s + 1\right)^2}\right)
 
-    ``ta = 0`` gives a PID controller, and ``td = ta = 0`` a PI controller. On the process 1/(s + 1) the filtered
-    acceleration causes a second peak of \\|L\\| at the frequency m/ta, far above the crossover. Its height is about kp
-    m/2. `pidalab.margins` take the peak into account.
-
-    ============  =======================
-    haalman2024   argument
-    ============  =======================
-    K_p           `kp`
-    T_i           `ti`
-    T_d           `td`
-    T_a           `ta`
-    N             `n`
-    M             `m`
-    ============  =======================
+    ``ta = 0`` gives a PID controller, and ``td = ta = 0`` a PI controller. With the process 1/(s + 1) the filtered
+    acceleration causes a second peak of \\|L\\| at the frequency m/ta, far above the crossover. The height of the peak
+    is about kp m/2.
 
     Parameters
     ----------
@@ -70,13 +59,12 @@ class PIDA(Controller):
     ti : float
         Integral time, above 0. ``math.inf`` gives no integral action.
     td : float, optional
-        Derivative time, not negative. By default 0.
+        Derivative time, not negative.
     ta : float, optional
-        Acceleration time constant in squared time units, not negative. By default 0.
+        Acceleration time constant in squared time units, not negative.
     n, m : float, optional
-        The filters have the time constants ``td/n`` and ``ta/m``, with `n` and `m` above 0. As in the paper, `ta` is a
-        squared time but ``ta/m`` is a time, so `m` has the unit of time. The default 10 suits processes with lags near
-        1.
+        The filters have the time constants ``td/n`` and ``ta/m``, with `n` and `m` above 0. Therefore `m` has the unit
+        of time. The default 10 suits processes with lags near 1.
 
     Raises
     ------
@@ -117,7 +105,6 @@ class PIDA(Controller):
         Returns
         -------
         IdealGains
-            ki, kp, kd, ka.
 
         Examples
         --------
@@ -189,7 +176,6 @@ class NonInteractivePIDA(Controller):
         Returns
         -------
         IdealGains
-            ki, kp, kd, ka.
 
         Examples
         --------
@@ -254,12 +240,11 @@ class HighOrderPID(Controller):
         Returns
         -------
         IdealGains
-            ki, kp, kd, ka.
 
         Raises
         ------
         ValueError
-            If there are derivatives of order 3 or more, which no PIDA form has.
+            If there are derivatives of order 3 or more.
 
         Examples
         --------
@@ -277,7 +262,6 @@ class HighOrderPID(Controller):
         Returns
         -------
         dict of str to float
-            Gains from the integral gain to that of the highest derivative.
 
         Examples
         --------

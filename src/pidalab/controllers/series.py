@@ -21,8 +21,8 @@ class SeriesPIDA(Controller):
 
     .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
 
-    The reset is positive feedback of the limited control signal. Therefore the transfer function holds only while the
-    signal is within its limits. `pidalab.simulate_sampled` and `pidalab.portrait` simulate the reset with its limits.
+    The reset is positive feedback of the limited control signal. Therefore the transfer function holds only within the
+    limits. `pidalab.simulate_sampled` and `pidalab.portrait` simulate the reset with the limits.
 
     Parameters
     ----------
@@ -72,7 +72,6 @@ class SeriesPIDA(Controller):
         Returns
         -------
         IdealGains
-            ki, kp, kd, ka.
 
         Examples
         --------
@@ -96,7 +95,6 @@ class SeriesPIDA(Controller):
         Returns
         -------
         AutomaticReset
-            The automatic reset with the time constant ti and the PDA controller as stabiliser.
 
         Examples
         --------
@@ -111,7 +109,7 @@ class SeriesPIDA(Controller):
     def reset_signal(self, u: ArrayLike, sample_time: float) -> Array:
         """Compute the state of the automatic reset from the limited control signal, eq. (3).
 
-        If an integrating process is at rest, this state equals minus the load, so it estimates the load.
+        If an integrating process is at rest, this state equals minus the load.
 
         Parameters
         ----------
@@ -123,7 +121,7 @@ class SeriesPIDA(Controller):
         Returns
         -------
         ndarray, shape (n,)
-            The state at the samples. It is exact for a held signal.
+            The state at the samples, exact for a held signal.
 
         Raises
         ------

@@ -1,10 +1,10 @@
 """Find crossovers and peaks of a loop along the frequency axis, for loops in s and in z.
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
-points, but the dead time turns the phase without bound. So a grid step is divided further if the dead time turns the
-phase quickly within the step *and* a crossover or peak is possible there: for crossovers, the magnitude must be
-large enough; for peaks, the upper bound of the height must be high enough. Array operations then refine all crossovers,
-or all peaks, at once.
+points, but the dead time turns the phase without bound. A grid step is therefore divided further if the dead time turns
+the phase quickly within the step *and* the step may contain a crossover or peak. It may contain a crossover if the
+magnitude of L is large enough, and a peak if its upper bound is high enough. All crossovers, or all peaks, are then
+refined at once.
 """
 
 from __future__ import annotations
@@ -25,27 +25,28 @@ MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memo
 # Largest angle in rad by which the dead time turns the phase between two points: FINE_STEP for peaks, COARSE_STEP for
 # phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
-# L does not cross the negative axis in a step if the cosine of its angle is above this value at both ends.
+# L does not cross the negative axis in a step if cos(angle of L) is above this value at both ends of the step.
 NEAR_POSITIVE_AXIS = 0.5
 ROUNDING = 1e-12  # |log |L||, relative imaginary parts and relative differences count as 0 below this
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
-DETOUR = 1.5  # between two points, the path of L is assumed to be at most this number times as long as their distance
+DETOUR = 1.5  # assumed largest ratio of the path of L between two points to their distance
 NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
 TINIEST = 1e-300  # a smaller |L| counts as 0
 HUGE = 1e9  # where |L| is above this, a jump of the phase is due to a pole on the axis
 MOST_STEPS = 60  # largest number of steps of a refinement
-# The refinement of a crossover ends when a step is shorter than this, relative to the first bracket. The relative error
-# is then about the square of this number, which is below rounding.
+# The refinement of a crossover ends when step / (width of the first bracket) is at most this. The relative error is
+# then about the square of this number.
 SAME_CROSSING = 1e-8
-# The refinement of a peak ends when a step is shorter than SAME_PEAK, relative to the first bracket. Differences are
-# computed at points whose distance, relative to the bracket, is DIFFERENCE_STEP.
+# The refinement of a peak ends when step / (width of the first bracket) is at most SAME_PEAK. The step of finite
+# differences is DIFFERENCE_STEP times the distance of the middle point to its nearer neighbour.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
 # A long grid step is divided into pieces with this number of points. A piece is either skipped or computed as a whole.
 PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
 QUICK = 12.0
-MOST_PROBED = 20  # largest number of gain crossovers around which a peak is sought first
+# Before the search on the grid, peaks are sought around at most this number of gain crossovers.
+MOST_PROBED = 20
 TO_AN_END = 1e-7  # a peak counts only if it exceeds (1 + this) * the limits at both ends of the axis
 # The characteristic function N + D counts as 0 if its modulus is at most this number times |N| + |D|.
 ON_CONTOUR = 1e-9
@@ -69,7 +70,7 @@ class Samples(NamedTuple):
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
     """Return a grid from 1e-4 times the slowest root to 1e4 times the fastest root, but not beyond `end`.
 
-    The inverse of the dead time counts as a root. The grid is denser near lightly damped roots.
+    The inverse of the dead time counts as a root.
     """
     speeds = [speed for speed in np.abs(roots).tolist() if speed > 0] + ([1 / delay] if delay else [])
     low, high = min(speeds, default=1.0), max(speeds, default=1.0)
@@ -108,7 +109,7 @@ def most_between(*neighbours: Any) -> Any:
 
 
 def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any = True) -> Array:
-    """Return the zeros of a function, one in each allowed step at whose ends the function has different signs.
+    """Return one zero of a function in each allowed step at whose ends the function has different signs.
 
     Notes
     -----
@@ -147,8 +148,8 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
     -----
     Newton's method on the slope is applied to all minima at once. Invariant: each iterate stays between `low`, where
     the function falls, and `high`, where it rises. Slope and curvature are computed from differences with long steps,
-    because the values lose many digits near a lightly damped pole. The returned value is that of the last parabola at
-    its vertex.
+    because the values lose many digits near a lightly damped pole. The returned value is the minimum of the last
+    parabola.
     """
     low, place, high = w[i - 1], w[i], w[i + 1]
     wide, apart = high - low, DIFFERENCE_STEP * np.fmin(place - low, high - place)
@@ -210,8 +211,7 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
     """
     numerator = (1.0 + 0.0 * size, size, 0.5 * (1 + size))[kind] * weight
     below, above = np.fmin(size[:-1], size[1:]), np.fmax(size[:-1], size[1:])
-    # The bounds assume that the logarithm of a smooth function exceeds the larger of its values at two neighbouring
-    # points by at most the difference of both values.
+    # As in `most_between`, |L| is assumed to stay between minimum^2 / maximum and maximum^2 / minimum.
     apart = np.fmax(below * np.where(above > 0, below / above, 1.0) - 1, 1 - most_between(below, above))
     return np.where(apart > 0, most_between(numerator[:-1], numerator[1:]) / apart, np.inf)
 
@@ -219,8 +219,6 @@ def bound(kind: int, size: Array, weight: Any = 1.0) -> Array:
 @dataclass(frozen=True, eq=False)
 class Axis(ABC):
     """Loop as a function of frequency, with a grid of frequencies.
-
-    `pidalab.robustness.in_s.AxisInS` represents continuous loops, and `pidalab.robustness.in_z.AxisInZ` sampled loops.
 
     Attributes
     ----------
@@ -231,8 +229,8 @@ class Axis(ABC):
     delay : float
         Dead time; 0 if there is none.
     at_zero, at_end : float
-        L at both ends of the axis, a real number. With dead time L has no limit at infinite frequency. Then `at_end` is
-        the limit of -\\|L\\|, which is the worst case.
+        L at both ends of the axis, a real number. With dead time, L has no limit at infinite frequency, and `at_end` is
+        the limit of -\\|L\\|, the worst case.
     end : float
         Upper end of the axis: infinity for a continuous loop, half the sampling frequency for a sampled loop.
     """
@@ -267,16 +265,16 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return the grid, with steps divided where \\|L\\| >= loud, so that the phase turns little in each step."""
+        """Return the grid, with steps divided by `points` where \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
-        """Return the grid, with some steps divided until the dead time turns the phase by at most `turn` in each."""
+        """Return the grid, with the selected steps divided by the function `divided`."""
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property
     def gain_crossings(self) -> tuple[Array, Array]:
-        """Return the gain crossovers, and the frequencies at which an extremum of |L| is near 1."""
+        """Return the result of the function `gain_crossings`."""
         return gain_crossings(self.at, self.on_grid)
 
     @property
@@ -296,8 +294,7 @@ class Axis(ABC):
             return np.angle(-num * np.conj(den))
 
         grid, size = self.grid[self.grid < self.end], self.size[self.grid < self.end]
-        # Up to half the sampling frequency the number of crossovers is finite, so a sampled loop needs no lower bound
-        # of |L|.
+        # A sampled loop has finitely many crossovers, so it needs no lower bound of |L|.
         floor = quietest if self.delay and math.isinf(self.end) else TINIEST
         with np.errstate(all="ignore"):
             loud_steps = np.fmax(size[:-1], size[1:]) >= quietest
@@ -305,7 +302,7 @@ class Axis(ABC):
             product = num * np.conj(den)
             clear = np.abs(product.imag) >= ROUNDING * np.abs(product)
             w, product, size = w[clear], product[clear], (np.abs(num) / np.abs(den))[clear]
-            # If L is near the positive axis at both ends of a step, it can cross only the positive axis between them.
+            # If L is near the positive axis at both ends of a step, it can cross only this axis within the step.
             ahead, loud = product.real > NEAR_POSITIVE_AXIS * np.abs(product), size >= floor
             allowed = ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:])
             crossovers = zeros(angle, w, np.angle(-product), allowed)
@@ -330,7 +327,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies near the fastest gain crossovers. There L comes near -1, since L turns quickly."""
+        """Return frequencies near the fastest gain crossovers, where the quickly turning L comes near -1."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers
@@ -354,9 +351,9 @@ class Axis(ABC):
         Notes
         -----
         `best` is the highest value so far, and `most` is an upper bound of the height within each step of the grid.
-        Only steps whose bound exceeds `best` are divided, and the steps with the largest bounds come first. A local
-        maximum of three points is refined only if its bound exceeds `best`. So no peak above the result is missed. The
-        values at `_probes` are computed first, because a high `best` saves work.
+        Only steps whose bound exceeds `best` are divided, those with the largest bounds first. A local maximum of three
+        points is refined only if its bound exceeds `best`. So no peak above the result is missed. The values at
+        `_probes` are computed first, because a high `best` saves work.
         """
 
         def values(samples: Samples) -> Any:
@@ -412,7 +409,6 @@ class Axis(ABC):
 
 
 def _top(w: Array, heights: Array) -> tuple[float, float]:
-    """Return the largest height, and its frequency."""
     i = int(np.argmax(np.fmax(heights, -1.0)))  # a pole on the axis gives NaN, which is ignored
     return float(heights[i]), float(w[i])
 

@@ -24,16 +24,16 @@ from pidalab.robustness.axis import (
 )
 from pidalab.roots import roots
 
-# If the dead time turns the phase by more than this angle in rad, a fraction of a turn is smaller than rounding.
+# If the dead time turns the phase by more than this angle in rad, rounding hides a fraction of a turn.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
-CLEAR = 10.0  # the grid is extended until |L| has passed this value or its inverse
+CLEAR = 10.0  # the grid is extended until |L| has passed this value or 1 / this value
 
 
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    `speeds` holds the modulus of each pole. A pole at 0 has another value above 0.
+    `speeds` holds the modulus of each pole. A pole at 0 has the speed of the slowest other pole, if there is one.
     """
 
     gain: float
@@ -43,7 +43,7 @@ class LoopFactors(NamedTuple):
     delay: float
 
     def fraction(self, s: Any) -> tuple[Any, Any]:
-        """Evaluate numerator and denominator of L, both divided by all |s| + speeds, so that no product overflows."""
+        """Evaluate numerator and denominator of L, both divided by prod(|s| + speeds) to prevent overflow."""
         flat, few = np.ravel(s), self.zeros.size
         with np.errstate(all="ignore"):
             scale = 1.0 / (np.abs(flat) + self.speeds[:, None])
@@ -115,22 +115,18 @@ class AxisInS(Axis):
         )
 
     def at(self, w: Any) -> Samples:
-        """Evaluate the loop at frequencies, of any shape."""
         return Samples(w, *self.factors.fraction(1j * np.asarray(w)))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
         r"""Count zeros of the characteristic function f to the right of a contour. Return None if a zero lies on it.
 
-        The contour is s = jω - contour_slope * ω - contour_shift.
-
         Notes
         -----
-        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. So between
-        two gain crossovers the change of the angle of f is the change of the angle of D, plus the difference of the
-        angles of 1 + L at the two crossovers. Where \|L\| > 1, the same holds with N and 1 + 1/L. Along a straight
-        line, the angle of each factor s - root changes by less than half a turn. The angle of the dead time changes by
-        the dead time times the change of frequency. So the values at the gain crossovers suffice, and L need not be
-        computed between them.
+        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. Between two
+        gain crossovers, the change of angle(f) is therefore the change of angle(D) plus the change of angle(1 + L).
+        Where \|L\| > 1, the same holds with N and 1 + 1/L. Along a straight line, the angle of each factor s - root
+        changes by less than half a turn, and the angle of e^(-s delay) changes by -delay times the change of ω. So the
+        values at the gain crossovers suffice.
         """
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope
@@ -146,7 +142,7 @@ class AxisInS(Axis):
         with np.errstate(all="ignore"):
             level = np.log(np.abs(num) / np.abs(den))
             flat = np.abs(level) <= ON_CONTOUR
-            # At a pole of L on the contour D = 0, so f = N + D is 0 if N = 0 (L has a zero there, or the gain 0).
+            # If a pole of L lies on the contour, D is 0 there. So f = N + D is 0 if N is 0 too.
             off = np.abs(factors.poles.real + contour_slope * factors.poles.imag + contour_shift)
             poles = np.abs(factors.poles[off <= ON_CONTOUR * np.abs(factors.poles)].imag)
             points = np.concatenate([[0.0], edges, touched, w[flat], poles])
@@ -198,7 +194,7 @@ def axis_in_s(loop: Loop) -> AxisInS:
 
 
 def unit_axis(loop: Loop) -> AxisInS:
-    """Return a continuous loop, whose gain will be scaled, as an `AxisInS`. The loop may be ill-posed."""
+    """Return a continuous loop as an `AxisInS`. The loop may be ill-posed, since its gain will be scaled."""
     return from_factors(loop_factors(loop), static_gain(*open_loop(loop)))
 
 
@@ -222,7 +218,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return frequencies that extend the grid until |L| has crossed 1. At both ends |L| is like a power of w."""
+    """Return frequencies that extend the grid until |L| has crossed 1. Beyond the grid |L| is nearly a power of w."""
     at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
     at_infinity = factors.poles.size - factors.zeros.size
     parts = []

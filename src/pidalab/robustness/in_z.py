@@ -1,6 +1,6 @@
 r"""Evaluate a sampled loop along the unit circle, with exact dead time.
 
-Within a sample interval h, the delayed input of the plant is constant, or constant in each of two pieces (see
+Within a sample interval h, the delayed input v of the plant is constant, or constant in each of two pieces (see
 `statespace`). So :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function of the plant from
 sample to sample is
 
@@ -53,7 +53,7 @@ class SampledPlant(NamedTuple):
     """A process between a hold and a sampler, in coordinates in which the transition matrix is triangular."""
 
     transition: Any  # (n, n), upper triangular
-    # For each piece of a sample interval: effect of the input (n,), and age of this input in samples.
+    # For each piece of a sample interval: effect of the input (n,), and delay of this input in samples.
     inputs: list[tuple[Any, int]]
     output: Any  # (n,)
     direct: float
@@ -100,14 +100,13 @@ class AxisInZ(Axis):
     Attributes
     ----------
     transfer : callable
-        Function that returns numerator and denominator of L at s = jω or nearby. The unstable poles of L are zeros of
-        the denominator. Numerator and denominator have poles only inside the circle.
+        Function that returns numerator and denominator of L at s on or near the imaginary axis. The unstable poles of L
+        are zeros of the denominator. Numerator and denominator have poles only inside the circle.
     """
 
     transfer: Callable[[Any], tuple[Any, Any]]
 
     def at(self, w: Any) -> Samples:
-        """Evaluate the loop at frequencies."""
         return Samples(w, *self.transfer(1j * w))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
@@ -118,9 +117,9 @@ class AxisInZ(Axis):
         Notes
         -----
         The characteristic function is N + D for L = N/D. If |L| stays below 1 between two points of the grid, the
-        change of the angle of N + D follows from the angle of D and the angle of 1 + L at both points. If |L| stays
-        above 1, it follows from the angles of N and of 1 + 1/L. All other steps are halved until the angle of N + D
-        changes by at most `LARGEST_TURN`.
+        change of angle(N + D) follows from angle(D) and angle(1 + L) at both points. If |L| stays above 1, this change
+        follows from angle(N) and angle(1 + 1/L). All other steps are halved until angle(N + D) changes by at most
+        `LARGEST_TURN`.
         """
 
         def characteristic(w: Any) -> Any:
@@ -164,7 +163,8 @@ class AxisInZ(Axis):
                 fa, fb = np.concatenate([fa, fm]), np.concatenate([fm, fb])
             else:
                 return None
-        # The characteristic function is real at ω = 0 and ω = end. Add the angles from these ends to those of the grid.
+        # The characteristic function is real at ω = 0 and ω = end. Add the changes of the angle between these ends and
+        # the ends of the grid.
         total += float(np.angle(first / first.real)) - float(np.angle(last / last.real))
         return round_to_count(-total / np.pi)
 

@@ -5,34 +5,30 @@ automatic reset acts back on :math:`u_L`,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-(the symbols are those of huba2024, Fig. 1). F_r has a minus sign because the reset is positive feedback. F_r is part of
-G because its input is the *limited* signal. Suppose that the loop can rest at a u strictly between the limits. Then the
-deviation of u from this value is a function of the deviation of u_L, and the function lies in the sector from 0 to 1.
-The slope of the function is at most 1, and its value is 0 only at 0, although it saturates for large deviations. The
-criterion of Popov with the multiplier :math:`\theta \ge 0` is
+(the symbols are those of huba2024, Fig. 1). F_r is part of G because its input is the *limited* signal, and has a minus
+sign because the reset is positive feedback. Suppose that the loop can rest at a u strictly between the limits. Then the
+deviation of u from this value is a function of the deviation of u_L. This function lies in the sector from 0 to 1: its
+slope is at most 1, and its value is 0 only at 0. The criterion of Popov with the multiplier :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
-With θ = 0 this is the circle criterion, whose circle for this sector is the half plane left of -1. If one of the
-criteria holds, the loop comes to rest from every initial state. The theorem makes these assumptions.
+With θ = 0 this is the circle criterion, whose circle for this sector is the half plane left of -1. If either criterion
+holds, the loop comes to rest from every initial state. The theorem assumes the following.
 
-- F is strictly proper. Its poles lie left of the imaginary axis, except one simple pole at 0 for an integrating
-  process. A loop with this pole is Popov's particular case: the gain 0 does not belong to the sector, since it does not
-  stabilise the loop. The residue is positive, so that every small gain stabilises the loop. In this case the theorem
-  requires θ > 0. The circle criterion is covered as well: ωG is bounded, so a positive margin remains positive with a
-  small θ.
+- F is strictly proper. Its poles lie left of the imaginary axis, except for a simple pole at 0 of an integrating
+  process. A loop with this pole is Popov's particular case: the sector excludes the gain 0, which does not stabilise
+  the loop. The residue is positive, so that every small gain stabilises the loop. The theorem then requires θ > 0. The
+  circle criterion still suffices: ωG is bounded, so a positive margin remains positive with a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
 - The inequality is strict, also in the limits of ω to 0 and to infinity.
-- A dead time is allowed (Popov and Halanay, 1962), and nothing is approximated.
 
-Both criteria are sufficient, not necessary. A loop that does not meet them may still come to rest from every state.
+A dead time is allowed (Popov and Halanay, 1962). Both criteria are sufficient, not necessary: a loop that does not meet
+them may still come to rest from every state.
 
 With the pole at 0, :math:`F = E/s`, and the real part in the criterion tends to :math:`E'(0) + \theta E(0)` for ω to 0,
 since :math:`F_r(0) = 1`. For the controllers of huba2024 this limit is
 :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative the circle criterion never holds. The
 limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
-
-The infimum is computed on the same frequency grid as the margins.
 """
 
 from __future__ import annotations
@@ -55,7 +51,7 @@ from pidalab.roots import border, roots
 NO_LOWER = 1e-10
 GRID_STEPS = 60  # number of grid steps that are divided at a time
 TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger than this
-LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, divided by the slowest time of the loop
+LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset / longest time constant or dead time
 BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
 MARGIN_RTOL = 1e-9  # the search for a multiplier ends if the possible relative improvement is smaller
 MOST_MULTIPLIERS, FURTHER = 60, 4.0  # largest number of multipliers; largest ratio of successive multipliers
@@ -215,7 +211,8 @@ def circle(loop: Loop) -> Criterion:
 def popov(loop: Loop) -> Criterion:
     r"""Evaluate the Popov criterion for the sector [0, 1], with the multiplier θ ≥ 0 that gives the largest margin.
 
-    With a reset, θ must be below T_i. Without a reset, θ is searched up to 1000 times the slowest time of the loop.
+    With a reset, θ must be below T_i. Without a reset, θ is searched up to 1000 times the longest time constant or dead
+    time of the loop.
 
     Parameters
     ----------
@@ -235,8 +232,8 @@ def popov(loop: Loop) -> Criterion:
     Notes
     -----
     At each frequency, the expression whose infimum is the margin is linear in θ. So the frequency of each infimum gives
-    a line as a function of θ, and the minimum of all lines is an upper bound of the margin. The next infimum is
-    computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches the bound.
+    a straight line in θ, and the minimum of all lines is an upper bound of the margin. The next infimum is computed at
+    the θ with the largest bound, and adds a line. The search ends when the best margin reaches the bound.
 
     Examples
     --------
@@ -289,9 +286,9 @@ def smallest_filter_time(
 ) -> float:
     """Return the shortest filter time down to which a property holds, for a family of loops.
 
-    The family decides what else changes with the filter time. For example, the gains may be constant, or may be tuned
-    again for the sum of dead time and filter time. Starting at `longest`, the filter time is reduced by a tenth until
-    the property fails for the first time. Bisection then finds the border.
+    `family` decides what else changes with the filter time: for example, the gains may be constant or tuned again.
+    Starting at `longest`, the filter time is repeatedly reduced by a tenth until the property fails. Bisection then
+    finds the border.
 
     Parameters
     ----------
@@ -317,7 +314,7 @@ def smallest_filter_time(
 
     Examples
     --------
-    The gains are constant, tuned for T_e = 0.8. How short may the filter time become?
+    The gains are tuned for a filter time of 0.2. How short may the filter time become with these gains?
 
     >>> import dataclasses, pidalab
     >>> from pidalab import robustness
@@ -372,8 +369,6 @@ def _reset(part: LinearPart, w: Any, theta: float) -> Any:
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and its frequency, which is 0 or inf for a limit at an end.
 
-    F must be strictly proper, without poles on the axis except a simple pole at 0.
-
     Notes
     -----
     `best` is the smallest value so far. The dead time turns only (1 + jωθ) F(jω), whose modulus gives a lower bound of
@@ -420,7 +415,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:
-    """Return the value at θ = 0 and the slope of the expression Re[1 + (1 + jωθ) G(jω)], which is linear in θ."""
+    """Return the value at θ = 0 and the slope of Re[1 + (1 + jωθ) G(jω)], which is linear in θ."""
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag
@@ -430,5 +425,4 @@ def line(part: LinearPart, w: float) -> tuple[float, float]:
 
 
 def _below(best: float) -> float:
-    """Return the level below which a value counts as lower than `best`."""
     return best - NO_LOWER * max(1.0, abs(best))

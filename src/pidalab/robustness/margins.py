@@ -20,10 +20,10 @@ from pidalab.robustness.poles import count_unstable, is_stable
 # With dead time, phase crossovers are sought where |L| is above this value. If |L| is at least 1 at all of these
 # crossovers, the search continues at smaller |L|.
 QUIETEST = 0.1
-# In the search for a gain, the grid is divided for the phase of the dead time where |L| is above this value.
+# In the search for a gain, the grid resolves the phase of the dead time at frequencies where |L| is above this value.
 QUIETEST_GIVEN = 0.1
 FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
-AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak, relative to the peak
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak / frequency of the peak
 MS_RTOL = 1e-6  # before the last step, Ms may exceed the required Ms by this relative amount
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
 DROP = 3.0  # decrease of |T| at the bandwidth, in decibels
@@ -37,9 +37,9 @@ class Margins:
     ----------
     stable : bool
         True if the closed loop is stable. If the loop is unstable, the following numbers are not margins but distances
-        from the nearest stability limit, as in other programs.
+        from the nearest stability limit.
     unstable_poles : int or float
-        Number of unstable closed-loop poles, counted by the function `unstable_poles`.
+        Number of unstable closed-loop poles.
     gm : float
         Gain margin, the smallest factor above 1 that brings a pole to the stability limit (inf if there is none).
     gm_low : float
@@ -49,7 +49,7 @@ class Margins:
         Phase margin in degrees, the smallest rotation of L, in either direction, that brings a pole to the stability
         limit.
     dm : float
-        Delay margin, the smallest extra dead time that brings a pole to the stability limit, over all gain crossovers.
+        Delay margin, the smallest extra dead time that brings a pole to the stability limit.
     disk : float
         Disk margin α, the inverse of the largest \\|S - 1/2\\|. The loop stays stable for any complex factor
         (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. These include gains from (2 - α)/(2 + α) to (2 + α)/(2 - α), and
@@ -63,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Of these, only those with \\|L\\| >= 0.1 are listed. If none of them has \\|L\\| < 1, crossovers with smaller
-        \\|L\\| are included. In an unstable loop, the dead time may turn the phase more than about 300,000 times where
-        \\|L\\| is large enough. Then no phase crossovers are listed, and the gain margins are NaN.
+        Only those with \\|L\\| >= 0.1 are listed. If none of these has \\|L\\| < 1, crossovers with smaller \\|L\\| are
+        included. If an unstable loop has more than about 300,000 turns of phase in this range of \\|L\\|, no phase
+        crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -102,7 +102,7 @@ class Margins:
 def max_sensitivity(loop: Loop) -> tuple[float, float]:
     """Return the maximum sensitivity Ms and its frequency, even for an unstable loop.
 
-    For a loop with a `DigitalController`, Ms is computed at the samples, as in `margins`.
+    With a `DigitalController`, Ms is computed at the samples, as in `margins`.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     Parameters
     ----------
     loop : Loop
-        The loop, stable or not. Its output filter is part of the controller.
+        The loop, stable or not. Its output filter is part of C.
 
     Returns
     -------
@@ -164,7 +164,8 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # With integral action, C S at zero frequency is 1/P. Without it, the lowest grid point is close to zero frequency.
+    # With integral action, C S at zero frequency is 1/P. Without integral action, the lowest grid point is close enough
+    # to zero frequency.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
@@ -185,8 +186,7 @@ def gain_crossovers(loop: Loop) -> Array:
     Returns
     -------
     ndarray
-        Frequencies in rad per time unit. They do not depend on the dead time. If \\|L\\| is 1 at all frequencies, there
-        are no crossovers.
+        Frequencies in rad per time unit. If \\|L\\| is 1 at all frequencies, there are no crossovers.
 
     Examples
     --------
@@ -208,7 +208,7 @@ def bandwidth(loop: Loop) -> float:
     Returns
     -------
     float
-        Bandwidth in rad per time unit. It is inf if \|T\| never falls by 3 dB.
+        Bandwidth in rad per time unit, or inf if \|T\| never falls by 3 dB.
 
     Raises
     ------
@@ -270,9 +270,8 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
 def margins(loop: Loop) -> Margins:
     """Return gain, phase and delay margin, peaks of S and T, and all crossovers, with exact dead time.
 
-    For a loop with a `DigitalController`, all values are computed at the samples, up to half the sampling frequency,
-    with the plant discretised exactly. Compare them with the margins of the continuous loop to see how sampling reduces
-    robustness. `dm` divided by the sample time is the delay margin in samples.
+    With a `DigitalController`, the plant is discretised exactly, and all values are computed at the samples, up to half
+    the sampling frequency.
 
     Parameters
     ----------
@@ -282,8 +281,7 @@ def margins(loop: Loop) -> Margins:
     Returns
     -------
     Margins
-        Values are accurate to nine digits, frequencies of peaks to six digits. For an unstable loop ``stable`` is
-        False, and the values are distances from the stability limit.
+        Values are accurate to nine digits, frequencies of peaks to six digits.
 
     Raises
     ------
@@ -341,7 +339,7 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
         if not unstable:
             raise
         return np.zeros(0), np.zeros(1), np.full(1, math.nan)
-    # L is real at both ends of the axis. If L is negative there, the end counts as a phase crossover.
+    # L is real at both ends of the axis. An end at which L is negative counts as a phase crossover.
     places = np.concatenate([[0.0], wpc, [axis.end]])
     return wpc, places, np.concatenate([[max(-axis.at_zero, 0.0)], L, [max(-axis.at_end, 0.0)]])
 
@@ -350,14 +348,14 @@ def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
 
 
 def gain_for_ms(loop: Loop, ms: float) -> float:
-    r"""Return the factor of the controller gain with which the loop is stable and has the maximum sensitivity `ms`.
+    r"""Return the factor of the controller with which the loop is stable and has the maximum sensitivity `ms`.
 
-    If there are several such factors, return the largest factor at which Ms rises to `ms` as the gain increases.
+    If there are several such factors, return the largest at which Ms rises to `ms` as the gain increases.
 
     Parameters
     ----------
     loop : Loop
-        The loop, stable or not. The output filter, if any, is kept.
+        The loop, stable or not.
     ms : float
         Required maximum sensitivity, above 1.
 
@@ -395,7 +393,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         except ArithmeticError:  # if the phase turns too often, the loop is far from stable
             return False
 
-    # The ends of the axis count, too. At infinite frequency L is not 0 if process and controller are biproper.
+    # The ends of the axis count, too, since L is not 0 at infinite frequency if process and controller are biproper.
     ends = [L for L in (axis.at_zero, axis.at_end) if math.isfinite(L)]
     w = axis.follow(QUIETEST_GIVEN)
     w = w[w <= FAR_SHARE * w[-1]]

@@ -18,8 +18,8 @@ from pidalab.robustness.in_z import axis_of
 MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
 CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
-# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the rounding errors of the
-# collocation are larger than such poles.
+# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the collocation has rounding
+# errors larger than such poles.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps of Aberth's method
@@ -29,9 +29,8 @@ SOLVED = 1e-6  # a pole is accepted if its relative residual or its last relativ
 def unstable_poles(loop: Loop) -> float:
     """Return the number of closed-loop poles in the closed right half-plane, by the argument principle.
 
-    The dead time is exact. For a loop with a `DigitalController`, poles on or outside the unit circle are counted.
-    Common factors of N and D in the characteristic function D(s) + N(s) e^{-s delay} are not cancelled, so a cancelled
-    unstable pole counts.
+    The dead time is exact. With a `DigitalController`, poles on or outside the unit circle are counted. An unstable
+    pole counts even if a zero of L cancels it.
 
     Parameters
     ----------
@@ -41,8 +40,8 @@ def unstable_poles(loop: Loop) -> float:
     Returns
     -------
     int or float
-        The number. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency, which has infinitely
-        many poles to the right of the axis, on the axis or arbitrarily near to it.
+        The number, ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency, which has infinitely many
+        poles to the right of the axis, on the axis or arbitrarily near to it.
 
     Raises
     ------
@@ -86,7 +85,7 @@ def is_stable(loop: Loop) -> bool:
     Returns
     -------
     bool
-        True if stable. A pole on the imaginary axis, or a chain of poles that approaches the axis, counts as unstable.
+        False also if a chain of poles approaches the imaginary axis.
 
     Examples
     --------
@@ -102,9 +101,8 @@ def is_stable(loop: Loop) -> bool:
 def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     """Return the closed-loop poles with the largest real parts, with exact dead time.
 
-    A loop with dead time has infinitely many poles. The rightmost poles are approximated by collocation at Chebyshev
-    points in the dead time, and refined by Newton's method on the characteristic function. The argument principle
-    proves that no pole further right is missing.
+    The poles are approximated by collocation at Chebyshev points in the dead time, and refined by Newton's method on
+    the characteristic function. The argument principle proves that no pole further right is missing.
 
     Parameters
     ----------
@@ -124,9 +122,9 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     ValueError
         If the loop has fewer poles or is ill-posed.
     ArithmeticError
-        If the argument principle does not confirm the poles. They may lie too close to their neighbours or to the
-        infinite chain of poles of a neutral loop. They may decay by more than e^20 in a dead time, or have frequencies
-        of hundreds of rad per dead time.
+        If the argument principle does not confirm the poles. For example, they lie too close to their neighbours or to
+        the infinite chain of poles of a neutral loop, decay by more than e^20 in a dead time, or have frequencies of
+        hundreds of rad per dead time.
 
     Examples
     --------
@@ -171,17 +169,14 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
 
     Notes
     -----
-    With many equal lags, the coefficients of the characteristic polynomial lose digits. If roots of this polynomial do
-    not solve the factored equation, Aberth's method refines them. This method may fail for a cluster, for example
-    around the poles of a fast filter. The error bound of a root of a polynomial of order n is then n times the length
-    of the Newton step.
+    With many equal lags, the coefficients of the characteristic polynomial lose digits. Aberth's method refines the
+    roots that do not solve the factored equation. If this method fails, for example for a cluster around the poles of a
+    fast filter, the error bound of a root is the order of the polynomial times the length of the Newton step.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
         return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
-    s = np.roots(
-        np.polyadd(num, den)
-    )  # a first approximation, whose roots may scatter; here `roots` might raise an error
+    s = np.roots(np.polyadd(num, den))  # a first approximation; `roots` might raise an error
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, factors)
@@ -232,7 +227,6 @@ def _in_dead_times(loop: Loop) -> Loop:
 
 
 def _factors_in_dead_times(loop: Loop) -> LoopFactors:
-    """Return the factors of the loop with its dead time as the unit of time."""
     factors, delay = loop_factors(loop), loop.process.delay
     gain = factors.gain * delay ** (factors.poles.size - factors.zeros.size)
     return from_roots(gain, factors.zeros * delay, factors.poles * delay, 1.0)
@@ -244,8 +238,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
     Notes
     -----
     The signal in the dead time is a travelling wave. Sampled at Chebyshev points, the wave is the state of a linear
-    system without dead time. The eigenvalues of this system approximate the poles of the loop. For slow poles few
-    points suffice.
+    system without dead time. The eigenvalues of this system approximate the poles of the loop.
     """
     num, den = open_loop(loop)
     order = len(den) - 1
@@ -301,7 +294,6 @@ def _sorted(poles: Any) -> Any:
 
 
 def _order(poles: Any) -> Any:
-    """Return the indices that sort poles as in `_sorted`."""
     unit = np.exp2(np.ceil(np.log2(np.maximum(np.abs(poles), 1e-300))))
     real, height = (np.round(part / unit, 13) * unit for part in (poles.real, np.abs(poles.imag)))
     return np.lexsort((-poles.imag, -height, -real))

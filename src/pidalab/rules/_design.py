@@ -23,26 +23,25 @@ if TYPE_CHECKING:
 class Design:
     """A controller with its filters, its model and its source.
 
-    Every rule's ``tune`` returns a design. `info` contains further results of the rule, such as a predicted IAE. Each
-    entry of `info` is also an attribute, such as ``design.iae``. ``design.ms`` is always the maximum sensitivity of the
-    loop, which is infinite if the loop is unstable. If an Ms was requested, it is ``design.ms_asked``.
+    Each entry of `info` is also an attribute, such as ``design.iae``. ``design.ms`` is the maximum sensitivity of the
+    loop, or infinite if the loop is unstable. An Ms that was requested is ``design.ms_asked``.
 
     Parameters
     ----------
     model : Process, MeasuredAreas or ndarray
-        The model that was given to the rule. For the magnitude optimum it may be areas.
+        Model that was given to the rule. Only the magnitude optimum accepts areas.
     controller : controller
         Controller from the control error to the control signal, with its own filters.
     prefilter : control.TransferFunction, optional
-        Filter of the set point. None if there is no filter.
+        Filter of the set point, or None.
     output_filter : OutputFilter or control.TransferFunction, optional
-        Filter of the control signal inside the loop. None if there is no filter.
+        Filter of the control signal inside the loop, or None.
     source : str
         Paper and equations of the rule.
     info : mapping, optional
-        Further results by name.
+        Further results of the rule by name, such as a predicted IAE.
     sources : mapping, optional
-        Sources of single entries of `info` by the same names.
+        Sources of entries of `info`, by the same names.
 
     Examples
     --------
@@ -135,7 +134,6 @@ class Design:
         Returns
         -------
         DigitalController
-            Digital controller with ``step``, ``c()``, ``structured_text()``, ``python()`` and ``json()``.
 
         Raises
         ------
@@ -203,7 +201,7 @@ class Design:
 
 
 def _block(block: Any) -> str:
-    """Write a block on one line with six digits. A transfer function is written as its coefficients."""
+    """Write a block on one line with six digits, a transfer function as its coefficients."""
     if isinstance(block, Process) or hasattr(block, "fraction") or not hasattr(block, "num"):
         return six_digits(repr(block))
     num, den = (", ".join(f"{c:.6g}" for c in part) for part in rational("block", block))

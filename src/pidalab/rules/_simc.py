@@ -29,18 +29,12 @@ def simc(
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \tau_2
 
-    The controller is in series form. An integrator counts as an infinite lag. Half of the largest neglected lag is
-    added to the smallest kept lag. Three things are added to the dead time: the other half, all smaller lags, and the
-    time constants of zeros in the right half-plane. A zero in the left half-plane is cancelled by a lag of similar size
-    (rules T1 to T3). For a pure dead time the result is an integral controller. For a double integrator it is a PID
-    controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
-
-    ==================  ==================
-    Skogestad (2003)    here
-    ==================  ==================
-    θ                   `delay` of the model after the half rule
-    τ_c                 `closed_loop_time`
-    ==================  ==================
+    The controller is in series form. The half rule keeps the lag τ_1 for PI, and τ_1 and τ_2 for PID. It adds half of
+    the largest neglected lag to the smallest kept lag. The effective dead time θ is the sum of dead time, other half,
+    all smaller lags, and time constants of zeros in the right half-plane. A zero in the left half-plane is
+    cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite lag. For a pure dead time
+    the result is an integral controller. For a double integrator it is a PID controller with
+    :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     Parameters
     ----------
@@ -49,7 +43,7 @@ def simc(
     kind : {"PI", "PID"}, optional
         Kind of controller.
     closed_loop_time : float, optional
-        Time constant of the closed loop, above 0. By default the effective dead time, as the paper recommends.
+        Time constant τ_c of the closed loop, above 0. By default θ, as the paper recommends.
     n : float, optional
         Derivative time, divided by the time constant of its filter.
 
@@ -61,8 +55,8 @@ def simc(
     Raises
     ------
     ValueError
-        If `closed_loop_time` is missing for a model without effective dead time (a single lag), if a PI controller is
-        requested for two integrators, or if the model has another structure than allowed above.
+        If `closed_loop_time` is missing and the model has no effective dead time (a single lag), if `kind` is "PI" and
+        the model has two integrators, or if the model has another structure.
 
     Examples
     --------
@@ -104,7 +98,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     model : Process
         As for `simc`, but with at most one integrator. The half rule reduces it to one lag.
     closed_loop_time : float, optional
-        τ_c, above 0. By default half of the effective dead time. The derivative action allows so small a value.
+        τ_c, above 0. By default half of the effective dead time.
     n : float, optional
         Derivative time, divided by the time constant of its filter.
 
@@ -120,8 +114,9 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
 
     Notes
     -----
-    The rule is taken from the abstract of Grimholt and Skogestad (2018), since the paper itself was not available. The
-    default of τ_c is our choice. For a lag with dead time, Ms without filter is then 1.65 to 1.73, similar to `simc`.
+    The source of the rule is the abstract of Grimholt and Skogestad (2018). The paper itself was not available. The
+    default of τ_c is our choice. With this default and without filter, Ms for a lag with dead time is 1.65 to 1.73,
+    similar to `simc`.
 
     Examples
     --------
@@ -154,7 +149,7 @@ def _closed_loop_time(asked: float | None, usual: float) -> float:
 
 
 def _series_pi(reduced: Reduced, reach: float) -> tuple[float, float]:
-    """Return gain and integral time of SIMC for one lag, eq. (25). An integrator is an infinite lag."""
+    """Return gain and integral time of SIMC for one lag or integrator, eq. (25)."""
     first, velocity = (math.inf, reduced.gain)
     if not reduced.integrators:
         first, velocity = reduced.lags[0], reduced.gain / reduced.lags[0]
@@ -181,12 +176,11 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 
     Notes
     -----
-    The rule for a zero in the left half-plane depends on the effective dead time, and the effective dead
-    time depends on the result of this rule. Therefore the reduction is repeated until the dead time no longer changes.
-    The paper does not say where to start, and several dead times may be possible results. Here the start is the dead
-    time of the model or, without dead time in the model, the effective dead time of the lags alone. This start
-    reproduces the examples of the paper. If the iteration is periodic, the longest dead time is used, which is
-    cautious.
+    The rule for a zero in the left half-plane depends on the effective dead time, which in turn depends on this rule.
+    Therefore the reduction is repeated until the dead time no longer changes. The result may depend on the start, which
+    the paper does not give. Here the start is `dead`, the dead time plus the time constants of zeros in the right
+    half-plane. If `dead` is 0, the start is the effective dead time of the lags alone. This choice reproduces the
+    examples of the paper. If the iteration is periodic, the longest dead time is used, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")

@@ -6,17 +6,17 @@ reset,
 
 .. math:: N(x) = \frac{\kappa}{\tau_i} (1 + \tau_D x + \tau_A x^2)(1 + \tau_i x).
 
-The reset takes the real zero that is farthest from 0, so its time constant is the shortest. PI has one zero, PID has
-two real zeros, and PIDA has one real zero,
+The reset takes the real zero that is farthest from 0, which gives the shortest reset time. PI has one zero, and PID has
+two real zeros. PIDA has one real zero,
 
 .. math:: -\tfrac{1}{\tau_i} = y - 3, \qquad y = \sqrt[3]{5 + 2\sqrt 6} + \sqrt[3]{5 - 2\sqrt 6},
 
 and a complex pair with the real part :math:`-3 - y/2`. The reset of this PIDA is slow. PIDA_1 sets the imaginary part
 of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and the reset
 takes one of the two zeros, eqs. (27)-(29). PIDA_2 has a double zero with the time constant 1.5 τ_2. The paper found the
-gains of PPM-PIDA by a search, and prints them in eq. (25).
+gains of PPM-PIDA by a search (eq. (25)).
 
-A `Setting` contains the dimensionless parameters. `tune` converts any setting to a controller.
+`tune` converts a `Setting`, which contains dimensionless parameters, to a controller.
 """
 
 from __future__ import annotations
@@ -48,8 +48,7 @@ class Setting(NamedTuple):
     source : str
         Equations of huba2024.
     lag : float
-        τ_0 = T_0/T_d, dominant time constant of the loop. PIDA_1, PIDA_2 and PPM-PIDA have the value of the MRDP
-        controller from which they are derived.
+        τ_0 = T_0/T_d, dominant time constant of the loop. PIDA_1, PIDA_2 and PPM-PIDA have the value of MRDP-PIDA.
     kp, kd, ka : float
         Gains of the stabilising controller: K_p K_s T_d, K_d K_s and K_a K_s / T_d.
     ti : float
@@ -168,7 +167,6 @@ def tune(
     huba2024      argument
     ============  ====================
     K_sp, T_dp    `model`
-    n             `n`
     T_f           `filter_time`
     N             `weight`
     U_min, U_max  `limits`
@@ -179,15 +177,15 @@ def tune(
     model : Process
         Integrator with dead time, see `ipdt`.
     setting : Setting
-        PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1 or PIDA_2 of this module, or the result of `multiple_pole` or
-        `double_zero`. The dictionary SETTINGS contains the first six by name.
+        PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1 or PIDA_2 of this module (also in the dictionary SETTINGS), or the result
+        of `multiple_pole` or `double_zero`.
     n : int
         Order of the filter, at least 1 and at least that of the highest derivative.
     filter_time : float
         Time constant of the filter, above 0.
     weight : float, optional
         N, from 0.5 (half rule) to 1 (average residence time, the default). Use 0 if the model was identified from the
-        filtered output, since it then includes the delay of the filter (sec. 3.1).
+        filtered output, since such a model includes the delay of the filter (sec. 3.1).
     cancelled : int, optional
         Number of poles at -1/T_0 that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives eq. (22), which is
         faster.
@@ -197,13 +195,13 @@ def tune(
     Returns
     -------
     Design
-        Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` applies
-        the limits. All other functions use the linear loop within the limits. The filter is part of the controller, so
-        it also filters the set point. The paper does not say whether the set point should be filtered. The responses to
-        load and noise do not depend on this. `info` has
+        Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` and
+        `pidalab.portrait` apply the limits. Linear functions, such as `pidalab.margins`, ignore them. The filter is
+        part of the controller and therefore also filters the set point, which the paper neither asks for nor excludes.
+        `info` has
 
         - ``setting``, ``n``, ``filter_time``: the arguments,
-        - ``te``: the dead time that represents the filter, or 0 if the model includes it,
+        - ``te``: the dead time that represents the filter, or 0 if the model includes the filter,
         - ``delay``: the total dead time,
         - ``kp``, ``kd``, ``ka``, ``ti``: parameters of controller and reset,
         - ``lead``: b_1 of the prefilter.

@@ -1,8 +1,7 @@
 r"""Well-known rules: SIMC, AMIGO, lambda tuning, both rules of Ziegler and Nichols, Chien-Hrones-Reswick.
 
-Each rule starts from the model of its authors. This is a lag or an integrator with dead time, two lags with dead time
-for the PID controller of SIMC, or the ultimate gain and period. All rules give PI or PID controllers in standard form.
-The time constant of the derivative filter is a tenth of the derivative time.
+The rules give PI or PID controllers in standard form. By default, the time constant of the derivative filter is a tenth
+of the derivative time.
 
 ==========================  =================================================================  ===========
 function                    source                                                             models
@@ -47,7 +46,7 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# Values for PI and PID: kp a with a = K L/T, then ti/L for load and ti/T for setpoint, then td/L.
+# Each triple holds kp K L/T, the integral time (ti/L for load, ti/T for setpoint) and td/L, first for PI, then for PID.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
@@ -78,7 +77,7 @@ def amigo(model: Process, kind: str = "PID") -> Design:
     Notes
     -----
     The authors fitted the rule to 134 processes. Its PI controllers keep Ms near 1.4 if the dead time does not
-    dominate. The authors warn that the PID controllers are conservative if the dead time dominates.
+    dominate. If the dead time dominates, its PID controllers are conservative, as the authors warn.
 
     Examples
     --------
@@ -253,14 +252,19 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     -----
     The original paper was not available. An independent public program quotes all eight settings as in this table, and
     several sources agree on the settings for the set point. Copies with more digits have ti = 1.16 T (set point 0 %,
-    PI), ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %, PID). German textbooks round
-    1.357 T to 1.35 T.
+    PI), ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %, PID).
 
-    The authors used an analogue computer and a lag with dead time. Exact simulation with this model, a filter of td/10
-    and T/L from 4 to 50 gives overshoots that differ from 0 % and 20 %. With the settings for 0 %, the overshoot after
-    a set-point step is at most 2 %. After a load step it is 0 % (PI) and up to 9 % (PID) of the largest deviation. With
-    the settings for 20 %, it is 11.6 % (PI) and 27 to 39 % (PID) after a set-point step. After a load step it is 9 to
-    40 % (PI) and 5 to 11 % (PID).
+    The authors used an analogue computer. Exact simulation of a lag with dead time, with a filter of td/10 and T/L from
+    4 to 50, gives the following overshoots (for load steps in per cent of the largest deviation):
+
+    ========  =========  ============  ============
+    step      overshoot  PI            PID
+    ========  =========  ============  ============
+    load      0 %        0 %           up to 9 %
+    load      20 %       9 to 40 %     5 to 11 %
+    setpoint  0 %        at most 2 %   at most 2 %
+    setpoint  20 %       11.6 %        27 to 39 %
+    ========  =========  ============  ============
 
     Examples
     --------

@@ -1,10 +1,9 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
-The controllers and the range of models are the same as in `itae`, but the results are closer to the least ITAE. For
-set-point steps most of the best controllers have a simple structure, since their zeros cancel the poles of the model.
-Overdamped models with long dead time are an exception. For these, cancelling the poles raises the ITAE by up to 11 %.
-The formulas for load steps are fitted to controllers with Ms of at most 2. The chapter on heo2023 shows the optima and
-compares these rules with others on models and on full processes.
+Symbols, controllers and range of models are the same as in `itae`, but the results are closer to the least ITAE. For
+set-point steps, the zeros of most of the best controllers cancel the poles of the model. For overdamped models with
+long dead time, cancelling the poles raises the ITAE by up to 11 %. The formulas for load steps are fitted to
+controllers with Ms of at most 2. The chapter on heo2023 compares these rules with the optima and with other rules.
 """
 
 from __future__ import annotations
@@ -26,19 +25,27 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
               b = 0.36\,\theta - \frac{0.391}{\theta} \left(\frac{\alpha_d \tau}{2\xi}\right)^2
 
     Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)` for every model. In two thirds
-    of the range the PIDA controllers of least ITAE have nearly this form. The second term of b and the acceleration
-    time, :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`, compensate the derivative filter.
+    of the range the PIDA controllers of least ITAE give nearly this open loop. The second term of b and the
+    acceleration time, :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`, compensate the derivative filter.
 
-    The constants are fitted to the optima for 80 models of the range, with the default filters. On these models the
-    ITAE is 4.5 % above the least on average (geometric mean), and at most 18 % above it. On 40 models that were not
-    used in the fit, it is 4 % and at most 10 % above the least. Ms is 1.76 to 2.21. With twice the default `alpha_d`
-    and `alpha_a`, Ms is up to 2.3, and with four times the default up to 3.4. So check `pidalab.margins` for slower
-    filters. For comparison, the ITAE with Table 1 of the paper is 84 % above the least on average, and at most 330 %.
-    With the best f_d and f_a for each model, the ITAE is 64 % above the least on average, and at most 257 %.
+    The constants are fitted to the optima for 80 models of the range, with the default filters. The table shows by how
+    much the ITAE exceeds the least (the average is a geometric mean):
 
-    These numbers apply if the process equals the model. In the three examples of the paper the process is not equal to
-    the model. There the ITAE differs from the ITAE with Table 1 by +38 %, +10 % and -26 %, and is 1.8 to 4.5 times the
-    least ITAE for the process itself.
+    ========================================================  =======  =======
+    rule                                                      average  largest
+    ========================================================  =======  =======
+    `setpoint`, on the 80 models                              4.5 %    18 %
+    `setpoint`, on 40 other models                            4 %      10 %
+    `itae.pida_setpoint` with Table 1 of the paper            84 %     330 %
+    `itae.pida_setpoint` with the best factors of each model  64 %     257 %
+    ========================================================  =======  =======
+
+    Ms is 1.76 to 2.21. With twice the default `alpha_d` and `alpha_a` it is up to 2.3, and with four times the default
+    up to 3.4. So check `pidalab.margins` for slower filters.
+
+    These numbers apply if the process equals the model. In the three examples of the paper it does not. There the ITAE
+    is 38 % and 10 % above and 26 % below the ITAE with Table 1, and 1.8 to 4.5 times the least ITAE for the process
+    itself.
 
     Parameters
     ----------
@@ -50,7 +57,6 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     Returns
     -------
     NonInteractivePIDA
-        The controller.
 
     Raises
     ------
@@ -83,28 +89,25 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
               \begin{pmatrix} 1 \\ r\,\xi \\ r^2 \end{pmatrix}, \qquad
               \tau_a^2 = 2\left(\frac{k_a}{k_p} + \alpha_d \tau_d^2\right)
 
-    The term :math:`\alpha_d \tau_d^2` compensates the derivative filter.
-
-    The constants are fitted to the optima with Ms ≤ 2 for 42 of 80 models on a grid, with the default filters. On this
-    grid the ITAE is 9 % above the least ITAE for Ms ≤ 2 on average (geometric mean), and at most 34 % above it. On 40
-    other models it is 9 % and at most 29 % above. Ms is 1.66 to 2.02. If Ms is not bounded, the least ITAE is on
-    average 37 % of the least ITAE for Ms ≤ 2, but Ms is up to 7.3.
+    The constants are fitted to the optima with Ms ≤ 2 for 42 of the 80 models of a grid, with the default filters. On
+    this grid the ITAE exceeds the least ITAE for Ms ≤ 2 by 9 % on average (geometric mean) and at most 34 %. On 40
+    other models it exceeds the least by 9 % and at most 29 %. Ms is 1.66 to 2.02. If Ms is not bounded, the least ITAE
+    is on average 37 % of the least ITAE for Ms ≤ 2, but Ms is up to 7.3.
 
     With the rule of the paper (Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models the paper's
-    rule has a smaller ITAE than `load`, but Ms is 2.09 or more. For the three examples of the paper, the ITAE of the
-    paper's rule is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
+    rule has a smaller ITAE than `load`, but Ms is 2.09 or more. In the paper's three examples the ITAE of the paper's
+    rule is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
 
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        As for `setpoint`.
     alpha_d, alpha_a : float, optional
-        Filter time constants divided by the derivative and by the acceleration time, above 0.
+        As for `setpoint`.
 
     Returns
     -------
     NonInteractivePIDA
-        The controller.
 
     Examples
     --------
@@ -132,12 +135,11 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
     test : {"setpoint", "load"}, optional
         Kind of step for which the controller is designed.
     alpha_d, alpha_a : float, optional
-        Filter time constants divided by the derivative and by the acceleration time, above 0.
+        As for `setpoint`.
 
     Returns
     -------
     Design
-        The controller.
 
     Raises
     ------

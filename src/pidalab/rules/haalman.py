@@ -29,34 +29,24 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     ``ta = a3/a1``. The gain is the smallest for which the loop of model and filtered controller, eq. (2), has the
     maximum sensitivity `ms`. This loop does not contain the output filter (9).
 
-    ============  ======================================
-    haalman2024   here
-    ============  ======================================
-    P̂             `model`, K / (a3 s³ + a2 s² + a1 s + 1)
-    M_s           `ms`
-    N, M          `n`, `m`
-    ============  ======================================
-
-    Use the controller with `output_filter` or with a prefilter of the set point. Without either of them, a set-point
-    step moves the control signal to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
+    Use `output_filter` or a prefilter of the set point. With neither of them, a unit step of the set point moves the
+    control signal to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
 
     Parameters
     ----------
     model : Process
-        Process with constant numerator, three stable poles and dead time.
+        Process K / (a3 s³ + a2 s² + a1 s + 1) with stable poles and dead time (P̂ in the paper).
     ms : float, optional
         Maximum sensitivity of the loop, above 1. The paper uses 1.4 (cautious) and 2.0 (fast).
     n : float, optional
         Derivative time, divided by the time constant of its filter, above 0.
     m : float, optional
-        ``ta/m`` is the time constant of the acceleration filter, so m has the unit of time. By default ``n td``. The
-        filter time constants are then a2/(n a1) and a3/(n a2), and the design does not depend on the unit of time. The
-        paper uses 10, in a unit of time in which the lags of its processes are near 1.
+        ``ta/m`` is the time constant of the acceleration filter, so m has the unit of time. By default ``n td``, which
+        makes the design independent of the unit of time. The paper uses 10 for processes with lags near 1.
 
     Returns
     -------
     PIDA
-        The controller.
 
     Raises
     ------
@@ -83,15 +73,12 @@ def pid(model: Process, ms: float = 1.4, *, n: float = 10) -> PIDA:
     ----------
     model : Process
         Process with constant numerator, two stable poles and dead time.
-    ms : float, optional
-        Maximum sensitivity, above 1. The default is the paper's.
-    n : float, optional
-        Derivative time, divided by the time constant of its filter, above 0.
+    ms, n : float, optional
+        As for `pida`.
 
     Returns
     -------
     PIDA
-        Controller with ``ta = 0``.
 
     Raises
     ------
@@ -117,12 +104,11 @@ def pi(model: Process, ms: float = 1.4) -> PIDA:
     model : Process
         Process with constant numerator, one stable pole and dead time, such as `fopdt`.
     ms : float, optional
-        Maximum sensitivity, above 1. The default is the paper's.
+        As for `pida`.
 
     Returns
     -------
     PIDA
-        Controller with ``td = ta = 0``.
 
     Raises
     ------
@@ -153,11 +139,11 @@ def tune(
     Parameters
     ----------
     model : Process or ThreePointModel
-        Process with constant numerator, dead time, and as many stable poles as the controller cancels: three, two or
-        one. A `ThreePointModel` is refused if its `excess_gain` is above 0.25, since the loop with the process might be
+        Process with constant numerator, dead time, and three (PIDA), two (PID) or one (PI) stable poles. A
+        `ThreePointModel` is refused if its `excess_gain` is above 0.25, since the loop with the process might be
         unstable.
     ms : float, optional
-        Maximum sensitivity, above 1, of the loop without the output filter. The default is the paper's.
+        Maximum sensitivity, above 1, of the loop without the output filter.
     kind : {"PIDA", "PID", "PI"}, optional
         Type of controller.
     n, m : float, optional
@@ -166,8 +152,8 @@ def tune(
     Returns
     -------
     Design
-        Controller and output filter. `info` has ``ms_asked`` and the gain crossover ``wgc``, both without the output
-        filter. ``design.ms`` is Ms of the loop with the output filter.
+        Controller and output filter. `info` has ``ms_asked`` and the gain crossover ``wgc`` of the loop without output
+        filter. ``design.ms`` is Ms with output filter.
 
     Raises
     ------
@@ -212,7 +198,6 @@ class OutputFilter(NamedTuple):
         Returns
         -------
         control.TransferFunction
-            1/(time s + 1)^order.
 
         Examples
         --------
@@ -249,7 +234,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     model : Process
         The model.
     controller : PIDA
-        The controller. If the controller has acceleration, the filter is of second order, otherwise of first order.
+        The controller. With acceleration the filter is of second order, otherwise of first order.
 
     Returns
     -------
@@ -285,8 +270,9 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
     if model.excess_gain > MOST_EXCESS_GAIN:
         raise ValueError(
-            f"model misses its record, whose gain is higher by up to {100 * model.excess_gain:.0f} %, and "
-            f"{100 * MOST_EXCESS_GAIN:g} % is allowed; use identification.fit, or pass model.process to tune anyway"
+            f"model does not match its record: the gain of the record is up to {100 * model.excess_gain:.0f} % above "
+            f"that of the model, and at most {100 * MOST_EXCESS_GAIN:g} % is allowed; use identification.fit, or pass "
+            "model.process to tune anyway"
         )
     return model.process
 

@@ -1,26 +1,25 @@
 r"""Explicit ITAE tuning of PID and PIDA controllers for a second-order model with dead time (heo2023).
 
-The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` stands
-for :math:`\theta/\tau`. All functions except `imc_pid` raise a ValueError if the model has another structure, or is
-outside 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following
-formulas differ from the paper as we read it, since either the print or our reading is wrong:
+The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` is
+:math:`\theta/\tau`. All functions except `imc_pid` raise a ValueError if the model has another structure, or is outside
+0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following formulas
+differ from the paper as we read it, since either the print or our reading is wrong:
 
 * Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. For a
   short dead time Table 2 then gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
 * Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left side, gives the integral time for r > 1.
   It continues the formula for r ≤ 1, with a jump of 1.4 %.
 * Table 3: both exponentials have a negative argument, as in Table 2.
-* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the two formulas differ by 0.003. If
-  the formula changed at ξ = 0.9, the gain would jump by 29 for r = 0.1, and it would have the wrong sign for ξ = 0.3
-  and r = 2.
+* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the gain jumps by 0.003. At ξ = 0.9
+  the gain would jump by 29 for r = 0.1, and it would have the wrong sign for ξ = 0.3 and r = 2.
 * Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The printed tunings require the first, third and last correction. No printed tuning tests the others. All constants, and
-the jumps between branches, are as printed. The largest jump, of 13 %, is in the gain of Table 2 at ξ = 0.9 for r = 2.
+The printed tunings require the first, third and last correction, but test no other. All constants are as printed. The
+largest jump between two branches of a formula is 13 %, in the gain of Table 2 at ξ = 0.9 for r = 2.
 
-`setpoint_factors` and `load_factors` are not from the paper. They return f_d and f_a from our own fits. With the PID
-tables, the ITAE stays well above the least. The module `direct` does not use the tables and comes closer.
+`setpoint_factors` and `load_factors` return f_d and f_a from our own fits. Even with these factors the ITAE stays well
+above the least. The module `direct` does not use the tables and comes closer.
 """
 
 from __future__ import annotations
@@ -67,7 +66,6 @@ def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     Returns
     -------
     NonInteractivePIDA
-        Controller with ``tau_a = 0``.
 
     Examples
     --------
@@ -92,8 +90,8 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
                       \left(1.45 + 0.969\,r^{-1.171}\right)
 
     Three things are corrected (see the top of this module): where the formula of the gain changes, the sign in both
-    exponentials, and the left side of the last formula. In the text as we read it, 2.2122 has a digit more than the
-    other constants. No printed tuning distinguishes it from 2.212.
+    exponentials, and the left side of the last formula. The constant 2.2122, as we read it, has one digit more than the
+    others. No printed tuning distinguishes it from 2.212.
 
     Parameters
     ----------
@@ -105,7 +103,6 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     Returns
     -------
     NonInteractivePIDA
-        Controller with ``tau_a = 0``.
 
     Examples
     --------
@@ -127,7 +124,6 @@ def factors(model: Process) -> Factors:
     Returns
     -------
     Factors
-        ``f_d`` and ``f_a``, pure numbers.
 
     Examples
     --------
@@ -156,9 +152,8 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The default `factors` are computed from the given model. The ratio r of the changed model may be as small as 0.057,
-    outside the range of the table. The paper also uses the table there. The factor of the acceleration time is
-    corrected (see the top of this module).
+    The ratio r of the changed model may be as small as 0.057. This is outside the range of the table, but the paper
+    uses the table there, too. The last formula is corrected (see the top of this module).
 
     Parameters
     ----------
@@ -167,18 +162,17 @@ def pida_setpoint(
     alpha_d, alpha_a : float, optional
         Filter time constants divided by the derivative and by the acceleration time, above 0.
     factors : tuple of float, optional
-        Factors f_d and f_a. By default those of Table 1, as the function `factors` computes them.
+        Factors f_d and f_a. By default those of Table 1 for the given model (function `factors`).
 
     Returns
     -------
     NonInteractivePIDA
-        The controller.
 
     Raises
     ------
     TypeError, ValueError
-        If the factors are not two numbers, or f_a is below 0. Also if the changed model has no dead time or no time
-        constant, or if the table gives a value that is not positive for its r.
+        If the model is out of range, if the factors are not two numbers, if f_a is below 0, if the changed model has no
+        dead time or no time constant, or if the table gives a value for it that is not positive.
 
     Examples
     --------
@@ -198,9 +192,9 @@ def pida_load(
 ) -> NonInteractivePIDA:
     r"""Design a PIDA controller for load disturbances, by Table 3 for the changed model of eq. (9).
 
-    The paper found the factors for set-point steps and uses them for loads, too. With these factors, even the loop with
-    the model itself is unstable in parts of the range: for ξ = 0.3 with r ≤ 0.35, for ξ = 0.7 with r ≤ 0.2, for ξ = 1
-    with r = 0.1, and for ξ = 2 with r ≥ 1.75. Check `pidalab.margins`.
+    The paper found the factors of Table 1 for set-point steps and uses them for loads, too. With these factors, even
+    the loop with the model itself is unstable for ξ = 0.3 with r ≤ 0.35, for ξ = 0.7 with r ≤ 0.2, for ξ = 1 with
+    r = 0.1, and for ξ = 2 with r ≥ 1.75. Check `pidalab.margins`.
 
     Parameters
     ----------
@@ -214,7 +208,6 @@ def pida_load(
     Returns
     -------
     NonInteractivePIDA
-        The controller.
 
     Raises
     ------
@@ -239,18 +232,18 @@ def tune(
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        `sopdt` within the range at the top of this module.
     test : {"setpoint", "load"}, optional
         Kind of step for which the controller is designed.
     kind : {"PIDA", "PID"}, optional
         Kind of controller.
     alpha_d, alpha_a : float, optional
-        Filter time constants divided by the derivative and by the acceleration time, above 0. A PID ignores `alpha_a`.
+        As for `pida_setpoint`. PID ignores `alpha_a`.
 
     Returns
     -------
     Design
-        The controller. For a PIDA `info` has the factors ``f_d`` and ``f_a``.
+        For a PIDA `info` has the factors ``f_d`` and ``f_a``.
 
     Raises
     ------
@@ -286,10 +279,10 @@ def setpoint_factors(model: Process) -> Factors:
        f_d &= 0.345 - 0.050\,\ell - 0.459\,x - 0.188\,\ell x, & f_a &= 0.989 + 0.231\,\ell - 0.262\,x - 0.237\,\ell x
        && \xi > 0.9
 
-    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. The formulas change at ξ = 0.9, as the gain of Table 2 does. On
-    40 models that were not used in the fit, the ITAE, divided by the least ITAE of any PIDA controller of this form, is
-    1.68 (geometric mean) and at most 2.52. With Table 1 the ratio is 1.74 and at most 3.25. Ms is at most 2.5, except
-    for ξ just above 0.9 with r near 2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
+    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. On 40 models that were not used in the fit, the ratio ITAE /
+    (least ITAE of any PIDA controller of this form) is on average 1.68 (geometric mean) and at most 2.52. With Table 1
+    it is 1.74 and at most 3.25. Ms is at most 2.5, but up to 2.9 for ξ just above 0.9 with r near 2. `direct.setpoint`
+    is much closer to the least ITAE.
 
     Parameters
     ----------
@@ -299,7 +292,6 @@ def setpoint_factors(model: Process) -> Factors:
     Returns
     -------
     Factors
-        ``f_d`` and ``f_a``, pure numbers.
 
     Examples
     --------
@@ -326,10 +318,10 @@ def load_factors(model: Process) -> Factors:
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
               \qquad \ell = \ln r, \quad x = \ln \xi
 
-    Since f_d = 0, Table 3 is applied to the given model itself. The PID settings are those of `pid_load`, and the
-    acceleration makes the loop robust. Every loop of the range is stable, with Ms up to 2.4. On 40 models that were not
-    used in the fit, the ITAE, divided by the least ITAE of a PIDA controller with Ms up to 2, is 1.53 (geometric mean)
-    and at most 1.91. With Table 1 seven of these loops are unstable. `direct.load` is closer to the least ITAE.
+    Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust: it is stable for
+    all models of the range, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least ITAE
+    of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 seven of
+    these loops are unstable. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------
@@ -339,7 +331,6 @@ def load_factors(model: Process) -> Factors:
     Returns
     -------
     Factors
-        ``f_d`` and ``f_a``, pure numbers.
 
     Examples
     --------
@@ -367,14 +358,13 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     Parameters
     ----------
     model : Process
-        Stable `fopdt` with dead time above 0. The ratio θ/τ has no limits.
+        Stable `fopdt` with dead time above 0.
     alpha_d : float, optional
         Filter time constant divided by the derivative time, above 0.
 
     Returns
     -------
     NonInteractivePIDA
-        Controller with ``tau_a = 0``.
 
     Raises
     ------

@@ -1,19 +1,19 @@
 r"""Magnitude optimum tuning of PID_n^m, from a model or from a record (vrancic2021).
 
-The loop follows its set point best if :math:`|T(j\omega)|` stays near 1 up to the highest possible frequency. This is
-the case if the real part of :math:`L(j\omega)` stays near -1/2. Expanded in powers of :math:`\omega`, this real part
-has coefficients that are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 conditions,
+The loop follows its set point well if :math:`|T(j\omega)|` stays near 1 up to a high frequency, that is, if the real
+part of :math:`L(j\omega)` stays near -1/2. Expanded in powers of :math:`\omega`, this real part has coefficients that
+are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 conditions,
 
 .. math:: \sum_{c=0}^{m+1} (-1)^{c+1} A_{2r+1-c} K_{c-1} = \begin{cases} -\tfrac12 & r = 0 \\ 0 & r = 1 \dots m+1,
           \end{cases}
 
-eqs. (15) and (16). Areas with a negative index are 0, and the areas include the filter. The last condition contains
+eqs. (15) and (16). The areas include the filter, and areas with a negative index are 0. The last condition contains
 :math:`A_{2m+3}`, so 2m + 4 areas are needed. The system is solved in exact fractions, because its condition number
 grows more than a hundredfold if m rises by 1. It is singular if the controller could cancel every pole of process and
 filter, since the gains are then unbounded.
 
-The conditions concern low frequencies and do not make the loop stable. If the delay dominates or the process
-oscillates, the loop is unstable for some m. The functions here then raise an error if a process is given.
+The conditions do not ensure stability. If the delay dominates or the process oscillates, the loop is unstable for some
+m. If the model is a `Process`, `tune` and the functions that call it then raise an error.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ MO_SOURCES = {
     "uncertainty": "from that of the areas",
 }
 UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
-MOST_UPDATES = 300  # an error is raised if the filter time has not settled after this number of updates
+MOST_UPDATES = 300  # number of updates of the filter time before an error is raised
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # with a larger order m, rounding errors of the areas dominate
 LOST = 1e-3  # largest accepted relative error of a gain caused by rounding the areas
@@ -93,13 +93,6 @@ def gains(areas: ArrayLike, m: int) -> Array:
 def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time: float) -> Design:
     """Design a controller for a given filter, eqs. (8) and (17).
 
-    ============  =================
-    vrancic2021   argument
-    ============  =================
-    m, n          `m`, `n`
-    T_F           `filter_time`
-    ============  =================
-
     Parameters
     ----------
     model : Process, MeasuredAreas or array_like, shape (at least 2m + 4,)
@@ -109,7 +102,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     n : int
         Order of the filter, at least m.
     filter_time : float
-        Time constant of the filter, above 0. Without filter (``n=0``) it is 0.
+        Time constant T_F of the filter, above 0. Without filter (``n=0``) it is 0.
 
     Returns
     -------
@@ -121,8 +114,8 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         - ``static_gain``: A_0 of the process,
         - ``ie``: the integral of the error after a unit step of the filtered set point, :math:`1/(A_0 K_{-1})`,
           eq. (37),
-        - ``uncertainty``: the standard uncertainty of each gain in its own unit. It follows from the uncertainty of the
-          areas, and is 0 for a model.
+        - ``uncertainty``: the standard uncertainty of each gain, in the unit of the gain. It follows from the
+          uncertainty of measured areas, and is 0 otherwise.
 
     Raises
     ------
@@ -134,8 +127,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
 
     Notes
     -----
-    Stability is tested only if a `Process` is given, since areas describe low frequencies. Test a controller from a
-    record with a fitted model.
+    Stability is tested only if a `Process` is given. If areas are given, test the controller with a fitted model.
 
     Examples
     --------
@@ -176,8 +168,8 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
               \right)\right)^{1/(2m+1)} & n > m \\ \left(|K_m|/K_{HF}\right)^{1/m} & n = m, \end{cases}
               \qquad \omega_S = \frac{2\pi}{T_S}
 
-    The estimate uses asymptotes of the filter. It counts noise up to the sampling frequency, twice the Nyquist
-    frequency.
+    The estimate uses asymptotes of the filter, and counts noise up to the sampling frequency (twice the Nyquist
+    frequency).
 
     Parameters
     ----------
@@ -193,12 +185,11 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     Returns
     -------
     float
-        T_F.
 
     Raises
     ------
     ValueError
-        If a value is out of its range. With ``m = n = 0`` there is no filter.
+        If a value is out of its range.
 
     Examples
     --------
@@ -229,13 +220,6 @@ def tune_for_noise(
 ) -> Design:
     r"""Design for a noise gain with the estimate of eq. (32), updating gains and filter time in turn, Fig. 5.
 
-    ============  =================
-    vrancic2021   argument
-    ============  =================
-    K_HF          `noise_gain`
-    T_S           `sample_time`
-    ============  =================
-
     Parameters
     ----------
     model : Process, MeasuredAreas or array_like, shape (at least 2m + 4,)
@@ -245,20 +229,20 @@ def tune_for_noise(
     n : int
         Order of the filter, at least m and at least 1.
     noise_gain : float
-        Wanted ratio of the standard deviations of control signal and noise, above 0.
+        K_HF, wanted ratio of the standard deviations of control signal and noise, above 0.
     sample_time : float
-        Sample time of the controller, above 0.
+        T_S, sample time of the controller, above 0.
     first : float, optional
-        Filter time to start from. The paper starts from 0.1. The default is a twentieth of the longest of
-        \|A_k/A_0\|^(1/k), k = 1, 2, 3.
+        Initial filter time, 0.1 in the paper. The default is a twentieth of the longest of \|A_k/A_0\|^(1/k),
+        k = 1, 2, 3.
     updates : int, optional
-        Number of updates of the filter time, at least 1. The paper makes one update and then three more (Fig. 5). By
-        default the updates continue until the filter time settles to 1e-12.
+        Number of updates of the filter time, at least 1. The paper makes four (Fig. 5). By default the updates
+        continue until the relative change of the filter time is below 1e-12.
 
     Returns
     -------
     Design
-        The controller, whose gains belong to its filter time.
+        Controller whose gains are computed for its filter time.
 
     Raises
     ------
@@ -268,9 +252,9 @@ def tune_for_noise(
 
     Notes
     -----
-    With the start and the updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all
-    18 in Table 6, agree with the paper within a unit of the last digit. Settled values differ from the paper by up to
-    four units of the last digit in the rows that settle slowly (n = m, and m = 4).
+    With the initial value and the four updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all
+    18 in Table 6, agree with the paper within a unit of the last digit. With the default number of updates, values
+    differ by up to four units of the last digit in the rows that settle slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -302,14 +286,14 @@ def tune_for_filter_noise(
 ) -> Design:
     r"""Design for a noise gain of the controller alone, computed with eqs. (21) and (35) instead of estimate (32).
 
-    The noise is white and held for a sample. At high frequencies the gain of the process is small, so the equation
-    neglects the loop. The transfer function from the noise to the control signal is then about
+    The noise is white and held for a sample. At high frequencies the gain of the process is small, so the loop is
+    neglected. The transfer function from the noise to the control signal is then about
 
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
-    (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form, without the
-    asymptotes of eq. (26). `pidalab.noise_gain` includes the loop. The two results differ by a few per cent if the
-    filter is not much faster than the loop.
+    (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of its sampled form, without the
+    asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result that differs by a few per cent
+    if the filter is not much faster than the loop.
 
     For n above m + 1 the estimate (32) uses as little as a third of the allowed noise gain (column σ_rel of Table 4).
 
@@ -317,25 +301,20 @@ def tune_for_filter_noise(
     ----------
     model : Process, MeasuredAreas or array_like, shape (at least 2m + 4,)
         As for `tune`.
-    m : int
-        Order of the highest derivative, at least 0.
-    n : int
-        Order of the filter, at least m and at least 1.
-    noise_gain : float
-        Wanted ratio of the standard deviations of control signal and noise, above 0.
-    sample_time : float
-        Sample time of the controller, above 0.
+    m, n : int
+        As for `tune_for_noise`.
+    noise_gain, sample_time : float
+        As for `tune_for_noise`.
 
     Returns
     -------
     Design
-        The controller.
 
     Raises
     ------
     TypeError, ValueError
-        As for `tune`, and if no filter time within a factor of e^10 of the start of `tune_for_noise` gives this noise
-        gain.
+        As for `tune`, and if no filter time gives this noise gain. The search covers a factor of e^10 around the
+        default initial value of `tune_for_noise`.
 
     Examples
     --------
@@ -369,7 +348,7 @@ def tune_for_filter_noise(
 def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, float | None]:
     """Return two logarithms of filter times that bracket the requested noise gain.
 
-    The second is None if the search fails. A longer filter time gives less noise.
+    A longer filter time gives less noise. The second value is None if the search fails.
     """
     here = start
     sign = math.copysign(1.0, excess(here))
@@ -425,7 +404,7 @@ def _require_sign(controller: HighOrderPID, model: MeasuredAreas) -> None:
 
 
 def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fraction]:
-    """Return the 2m + 4 areas that order m needs as fractions, or raise an error."""
+    """Return the 2m + 4 areas for order m as fractions, or raise an error."""
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
@@ -444,7 +423,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
 def _time_scale(areas: Sequence[Fraction]) -> float:
     """Return the longest of the times |A_k/A_0|^(1/k), k = 1, 2, 3.
 
-    For lags and dead time it is A_1/A_0. A zero can make A_1 or A_2 zero, as in (2s + 1)/(s + 1)^2, but not all three.
+    For lags and dead time the longest is A_1/A_0. Other processes, such as (2s + 1)/(s + 1)^2, may have A_1 = 0.
     """
     return max(abs(float(area / areas[0])) ** (1 / k) for k, area in enumerate(areas[1:4], start=1)) or 1.0
 

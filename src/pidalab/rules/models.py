@@ -147,7 +147,7 @@ class StartingModels:
 
 
 def time_scale(process: Process) -> float:
-    """Return the sum of time constants and dead time. Return 1 if the sum is 0."""
+    """Return the sum of time constants and dead time, or 1 if this sum is 0."""
     return float(np.sum(_lags(process))) + process.delay or 1.0
 
 

@@ -6,16 +6,16 @@ Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s
 
 eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. Any point :math:`x_o` is an (m+2)-fold zero if -N is the
 Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The rule chooses the :math:`x_o` nearest to 0 at
-which the derivative of order m+2 is also 0:
+which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
 The sums of the Taylor polynomial telescope. With :math:`a = -x_o` and the truncated exponential
 :math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of :math:`x^j` in N is
 
-.. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right),
+.. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
-for every m. In double precision the formula is accurate to 14 digits for m up to at least 24. In particular
+In double precision the formula is accurate to 14 digits for m up to at least 24. In particular
 :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`.
 """
 
@@ -82,7 +82,7 @@ def constants(m: int) -> Constants:
     Returns
     -------
     Constants
-        Pure numbers, computed from the closed form at the top of this module.
+        Pure numbers.
 
     Raises
     ------
@@ -114,8 +114,8 @@ def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
     The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
-    either of them. For n = m the loop with the filter has no such pole. Eq. (9) then gives -1/T_f, the pole of the
-    filter, and the rule uses this pole.
+    either of them. For n = m the loop with the filter has no such pole. The rule then uses -1/T_f, the pole of the
+    filter, which eq. (9) gives.
 
     Parameters
     ----------
@@ -127,7 +127,6 @@ def filter_ratio(m: int, n: int) -> float:
     Returns
     -------
     float
-        T_f / T_e.
 
     Raises
     ------
@@ -158,7 +157,7 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
     m : int
         Order of the highest derivative, at least 0.
     cancelled : int
-        Number p of cancelled poles, from 1 to m + 1. The response is faster if more poles are cancelled.
+        Number p of cancelled poles, from 1 to m + 1. The more poles are cancelled, the faster is the response.
 
     Returns
     -------
@@ -200,8 +199,7 @@ MRDP_SOURCES = {
 def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None) -> Design:
     r"""Tune PID_n^m and its prefilter for an integrator with dead time, sec. II.B.
 
-    The rule does not ensure that the loop is stable. For m of 2 and more the loop is unstable if `te` is too short
-    compared with the dead time (see `smallest_te`).
+    For m of 2 and more the loop is unstable if `te` is too short compared with the dead time (see `smallest_te`).
 
     Parameters
     ----------
@@ -227,8 +225,8 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         - ``kc``, ``ti``, ``td``: gain, integral time, and the tuple of T_D1 ... T_Dm in time, time², ...,
         - ``filter_time``: T_f,
         - ``weights``: b_0, b_1, ... of the prefilter,
-        - ``ie``: the integral of the error after a unit step of the set point, which equals the IAE if the error does
-          not change its sign,
+        - ``ie``: the integral of the error after a unit step of the set point (the IAE if the error does not change its
+          sign),
         - ``smallest_te``: the result of `smallest_te` times the dead time.
 
     Raises
@@ -321,7 +319,7 @@ def smallest_te(m: int, n: int) -> float:
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
-    and near this maximum the phase of the dead time passes through all values. So the loop is stable, roughly, if this
+    and near this maximum the phase of the dead time passes through all values. So, roughly, the loop is stable if the
     maximum is below 1. The function starts from this estimate and bisects with the argument principle.
 
     Parameters
@@ -334,7 +332,7 @@ def smallest_te(m: int, n: int) -> float:
     Returns
     -------
     float
-        Limit of T_e / T_dm to at least 6 digits. 0 for m = 0 and m = 1.
+        The ratio to at least 6 digits. 0 for m = 0 and m = 1.
 
     Raises
     ------

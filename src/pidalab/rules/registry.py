@@ -1,13 +1,12 @@
 """The registry of rules, which `tune`, `compare`, `report` and the command line use.
 
-An entry contains a name, a source, and the model from which the rule starts for each kind of controller. `pidalab.tune`
-passes the process itself to a rule. `pidalab.compare` first derives the model from the process:
+`pidalab.tune` passes the process itself to a rule. `pidalab.compare` first derives the model from the process:
 
 ===============  =====================================================================================================
 model            definition
 ===============  =====================================================================================================
 `process`        the process itself
-`reaction`       lag and dead time from the steepest tangent and 63 % of the step response, or an integrator
+`reaction`       lag, dead time from the steepest tangent and 63 % of the step response; `integrator` if it integrates
 `first_order`    `reduction.to_fopdt`
 `second_order`   `reduction.to_sopdt`
 `third_order`    `identification.three_point` of the step response
@@ -37,7 +36,7 @@ from pidalab.rules._design import Design
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps for which a rule is made
-# If a rule leaves the filter to the user, the registry chooses one that adds this share of the model's dead time.
+# If a rule leaves the filter to the user, the filter adds a delay of FILTER_SHARE * dead time of the model.
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of controllers with automatic reset
 IMC = "heo2023, rows IMC"
@@ -124,7 +123,7 @@ def find(name: str, *others: str) -> Rule:
     name : str
         Name or short name of a rule.
     *others : str
-        Further words that the caller accepts, to be listed in the error message.
+        Further words that the error message lists.
 
     Returns
     -------
