@@ -63,7 +63,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         raise ValueError(f"the degree of a polynomial must be at most {HIGHEST_DEGREE}, found {degree}")
     with np.errstate(all="ignore"):
         monic = coefficients / coefficients[0]
-        # In this unit of s, a power of 2, the first and the last coefficient are about equal.
+        # Scale s by a power of 2, so that the first and the last coefficient are about equal.
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
@@ -100,8 +100,8 @@ def _of_nonzero(coefficients: Array) -> Any:
         least = 1.0
     if not least <= ALLOWED:
         raise ValueError(
-            f"the roots of a polynomial of degree {degree} are lost in rounding: their polynomial differs from it by "
-            f"{least:.1g}; take fewer lags, or another model"
+            f"the roots of a polynomial of degree {degree} are lost in rounding: the polynomial of the computed roots "
+            f"differs by {least:.1g}; take fewer lags, or another model"
         )
     return _in_pairs(best * scale)
 

@@ -109,14 +109,12 @@ def three_point(
 
         model = three_point(pidalab.Record(t, u, y))
 
-    An offset of y has no effect, but noise has an effect. The rest value of an array is a single sample, and a level
-    counts as reached at the first sample above it. The model is useful if the noise is at most about 1 % of the change.
-    For more noise use `pidalab.identification.fit`, which uses all samples.
+    An offset of y has no effect. The model is useful if the noise is at most about 1 % of the change. For more noise
+    use `pidalab.identification.fit`, which uses all samples.
 
     The formulas of eq. (5) lose a dead time that is short compared with the dominant lag. With τ = 1, L = 0.25 and
-    α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %. However, the controller
-    that the paper's rule gives for this model and Ms = 1.4 reaches Ms = 2.99 with the process. `excess_gain` shows this
-    error.
+    α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %, but the controller that
+    the paper's rule gives for this model and Ms = 1.4 has Ms = 2.99 with the process. `excess_gain` shows this error.
 
     Raises
     ------
@@ -203,8 +201,8 @@ def ipdt_tangent(
     span : float, optional
         Length of the segment in time, rounded to whole steps of t. The default is one sample interval, which suits a
         record without noise. The relative errors of slope and dead time are then of the order of the squared sample
-        time, or of the sample time if the record is steepest at a corner. In a noisy record the slope of a short
-        segment is mostly noise. Give a longer `span`. A line is then fitted by least squares. For a Record with noise
+        time, or of the sample time if the record is steepest at a corner. For a noisy record give a
+        longer `span`. A line is then fitted by least squares. For a Record with noise
         the default is a third of the rise time.
 
     Returns

@@ -327,9 +327,8 @@ def _stamps(
 ) -> tuple[tuple[Array, Array], str, str]:
     """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
 
-    Several formats are tried. The format that reads the most entries is used. If several formats read equally many, the
-    one with the smallest span of time is used. If day and month could be exchanged and the record runs past midnight,
-    this format is the right one.
+    The format that reads the most entries is used. If several formats read equally many, the format with the smallest
+    span of time is used. This finds the order of day and month in a record that runs past midnight.
     """
     import pandas as pd
 
