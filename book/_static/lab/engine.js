@@ -7,7 +7,7 @@
      margins({process, controller})           ->  {ms, mks, gm, pm, dm, stable}
 
    The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control signal.
-   Polynomials have descending powers of s. `fine` is u at the same times and at additional times, which are close together
+   Polynomials have descending powers of s. `fine` is u at the same times and at additional times, which are dense
    where derivatives kick. The dead time is not approximated (see `march`). */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
@@ -70,7 +70,7 @@
   const angle = (a) => Math.atan2(a[1], a[0]);
   const wrapped = (turn) => turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
 
-  /* Evaluate a polynomial by Horner's scheme. It uses real numbers, since it runs millions of times. */
+  /* Evaluate a polynomial by Horner's scheme, in real numbers for speed. */
   function value(coefficients, s) {
     const x = s[0], y = s[1];
     let re = 0, im = 0;
@@ -136,7 +136,7 @@
     };
   }
 
-  /* Return values of a loop for several functions. Each value is computed on first use. */
+  /* Return values of a loop, each computed on first use. */
   const unlimited = remembering(12, (loop) => {
     const once = (make) => { let made; return () => (made ??= make()); };
     const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
@@ -155,7 +155,7 @@
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
   const TOO_MANY = "the dead time turns the phase too often to follow while |L| is large";
 
-  /* Write L and C at the frequency w to `seen`: re L, im L, re C, im C. It uses real numbers, since it runs millions of times. */
+  /* Write L and C at the frequency w to `seen`: re L, im L, re C, im C. It uses real numbers for speed. */
   const seen = new Float64Array(4);
   function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {
     let a = 1, b = 0; // (1 + j time w)^order
@@ -308,7 +308,7 @@
     /* Return the phase of 1 + L without its poles, divided by a factor that does not turn, or NaN where 1 + L is 0. */
     const phase = (x) => {
       const s = [-lean * (x + w[1]), x];
-      let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // real numbers, since this runs often
+      let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // real numbers, for speed
       for (let k = 0; k < reference.length; k++) {
         const [p, q] = parts.poles[k], far = s[0] + reference[k];
         next = re * (s[0] - p) - im * (x - q);
@@ -537,7 +537,7 @@
     return result;
   };
 
-  /* Compute result = matrix x for a flat matrix. It runs millions of times. */
+  /* Compute result = matrix x for a flat matrix. */
   function apply(matrix, x, result) {
     for (let i = 0, k = 0; i < result.length; i++) {
       let sum = 0;
@@ -708,8 +708,8 @@
   const ROUNDING = 10 * 2 ** -52; // relative to the largest gain of the filter's lags, which are stored as one number with kp
 
   /* Return the relative difference of y and u of two runs with different pieces and different rounding. How many digits a fast
-     filter loses depends on the loop, since a second derivative amplifies the rounding of y by ka / filterTime^2. The rounding
-     of the gains themselves is equal in both runs, so this comparison does not detect it. */
+     filter loses depends on the loop, since a second derivative amplifies the rounding of y by ka / filterTime^2. This does
+     not detect the rounding of the gains, which is equal in both runs. */
   function uncertain(found, asked, { y, u }) {
     const { loop } = found, space = found.space();
     const again = loop.delay
@@ -758,7 +758,7 @@
      first dead times, when the kick has passed through the loop. */
   const kicks = ({ order, time, delay }) => (order ? Array.from({ length: delay ? 4 : 1 }, (_, k) => [k * delay, k * delay + (order + 4) * time]) : []);
 
-  /* Return evenly spaced times and, during kicks, additional times no more than a sixteenth of the filter time apart. */
+  /* Return evenly spaced times and, during kicks, times at most a sixteenth of the filter time apart. */
   function finer(loop, times) {
     const end = times[times.length - 1], even = times[1], parts = Math.ceil((16 * even) / loop.time), more = [];
     if (!(parts > 1 && parts < Infinity)) return times;
@@ -959,7 +959,7 @@
     };
   }
 
-  /* Simulate a limited controller, sampled so fast that it looks continuous. */
+  /* Simulate a limited continuous controller by fast sampling. */
   function limited(asked, loop, times) {
     const end = asked.end, finest = loop.order ? loop.time / 4 : Infinity;
     const share = Math.ceil(Math.max(end / finest, 4000) / (times.length - 1));

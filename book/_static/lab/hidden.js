@@ -38,7 +38,7 @@
 
   const gainSign = ({ num, den }) => Math.sign(num[num.length - 1] * den[den.findLastIndex((c) => c !== 0)]);
 
-  /* Return the IAE after a unit load step, until the loop is at rest. The integral of the error gives the remainder. */
+  /* Return the IAE after a unit load step: until the loop is at rest, and the remainder from the integral of the error. */
   function respondTo(process, design, { end }) {
     const own = controller(design), run = simulate({ process, controller: own, end: 4 * end, points: 4001, load: 1 });
     const area = run.y.reduce((sum, y, k) => (k ? sum + 0.5 * (run.t[k] - run.t[k - 1]) * (y + run.y[k - 1]) : 0), 0);

@@ -6,7 +6,7 @@
   const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot, { element, marked } = plot;
 
-  /* A design is a card with its own rule, limits and anti-windup. In a fair comparison all designs share Ms and relative noise
+  /* A design is a card with its rule, limits and anti-windup. In a fair comparison all designs share Ms and relative noise
      gain, which determine the gain and filter of a rule. */
   const DESIGN = {
     name: "", kind: "PIDA", rule: "hand", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3,
@@ -90,10 +90,10 @@
 
   // --- the plots ----------------------------------------------------------------------------------------------------
 
-  /* The control signal has extra times where derivatives kick, and the output has extra times between samples. */
+  /* The control signal has extra times at kicks, and the output between samples. */
   const signals = (s, key, which) => (key === "u" ? s[which].fine : s[which].between) || s[which];
 
-  /* Return the range of a signal over all runs, including 0. Unstable loops count only if all loops are unstable. */
+  /* Return the range of a signal in all runs, including 0. Unstable loops count only if all loops are unstable. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
@@ -106,13 +106,13 @@
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
 
-  /* Return a signal up to the end of the axis. The last point may lie beyond the end. */
+  /* Return a signal up to the end of the axis. The last point may lie beyond. */
   function until(run, key, end) {
     const count = run.t.findIndex((time) => time >= end) + 1 || run.t.length;
     return { x: run.t.subarray(0, count), y: run[key].subarray(0, count) };
   }
 
-  /* Return the values of a curve slightly beyond the frame, which clips them. */
+  /* Return a curve up to slightly beyond the frame, which clips it. */
   function along(curve, [low, high], f) {
     const x = [], y = [];
     curve.w.forEach((w, k) => { if (w > 0.8 * low && w < 1.25 * high) { x.push(w); y.push(f(curve, k)); } });
@@ -183,7 +183,7 @@
   /* Return the head of a column. A formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => [...(k ? [["wbr", {}]] : []), ...marked(part)])];
 
-  /* Return the sentence on the noise of a table. It is the same for all rows. */
+  /* Return the sentence on the noise, for all rows of a table. */
   function noiseMeant(shown, process) {
     const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " A dash (–) means that it is not defined." : "", { gain } = noiseScale(process);
     return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain ${digits(gain)}.${none}`;
@@ -337,7 +337,7 @@
       this.takeOver(given);
     }
 
-    /* Take over parts of a state. A design without a rule is a design by hand. */
+    /* Take over parts of a state. A design without a rule is by hand. */
     takeOver(given) {
       if (!given) return;
       const designs = (given.designs ?? this.state.designs).map((each) => ({ ...DESIGN, ...(each.kind ? { filterOrder: ORDER[each.kind] + 1 } : {}), ...each }));
@@ -351,7 +351,7 @@
       return plant === "own" ? ownPlant(own) : plant === "given" && given ? given : PLANTS[plant] ?? PLANTS.lags3;
     }
 
-    /* Return the end of the time axis, which is the same for all designs. */
+    /* Return the end of the time axis of all designs. */
     conditionsOf({ limited, low, high, antiWindup, trackingTime }) {
       const { sampled, sampleTime, noisy, noise } = this.state;
       return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, trackingTime, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
@@ -360,7 +360,7 @@
     /* Return a setting. In a fair comparison all designs share it. */
     knob(key, design = this.design) { return this.state.fair ? this.state[key] : design[key] ?? this.state[key]; }
 
-    /* Return true if gain and filter of a design follow from the common Ms and noise limit. */
+    /* Return true if a design follows from the common Ms and noise limit. */
     onTerms({ rule }) { return this.state.fair && RULES[rule] && !RULES[rule].slow && rule !== "hand"; }
 
     /* Return the design of a rule that needs no search. */
@@ -399,7 +399,7 @@
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
     }
 
-    /* Choose another plant. A rule that does not fit it is replaced by the search, with a message. */
+    /* Choose another plant. The search replaces rules that do not fit it, with a message. */
     choosePlant(plant) {
       this.change({ plant, record: plant === "own" ? this.state.record : null });
       const words = [], names = this.names(), designs = this.state.designs.map((design, k) => {
@@ -770,7 +770,7 @@
       drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles });
     }
 
-    /* Announce the result and save the state in the address, as soon as no control moves. */
+    /* Announce the result and save the state in the address when no control moves. */
     announce() {
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];

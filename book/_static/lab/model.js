@@ -251,7 +251,7 @@
     };
   });
 
-  /* Return everything that the lab shows of one design on one plant. Results in view stay stored while others change. With a
+  /* Return everything that the lab shows of one design on one plant. Visible results stay cached. With a
      digital controller the noise has its sample time. Otherwise the plant determines the sample time of the noise. */
   function study(process, design, conditions) {
     const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end);
@@ -316,7 +316,7 @@
     return largest;
   }
 
-  /* Return the gain of a plant, without its integrator. */
+  /* Return the gain of a plant without its integrator. */
   const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
 
   /* Return the lags of a plant, the slowest first, and true if it integrates. The rules below require real, stable lags. */
@@ -327,7 +327,7 @@
     // With den = c ∏ (1 + T s) the lags are minus the roots of the reversed polynomial.
     const found = rest.length > 1 ? roots(rest.slice().reverse()) : [];
     const size = Math.max(0, ...found.map(([re, im]) => Math.hypot(re, im)));
-    // Rounding spreads a lag of order n over a small circle. In contrast, an oscillating pair is far from the axis.
+    // Rounding spreads a lag of order n over a small circle. An oscillating pair is far from the axis.
     if (found.some(([re, im]) => -re <= 0 || Math.abs(im) > 0.05 * size)) throw new RangeError("this rule needs real, stable lags");
     return { lags: found.map(([re]) => -re).sort((a, b) => b - a), integrating };
   }
@@ -347,8 +347,7 @@
     return { lags: own, delay, integrating };
   }
 
-  /* SIMC (Skogestad 2003): PI for one lag, PID for two. The PID is computed in series form and returned in standard form. tc is
-     the requested closed-loop time constant. */
+  /* SIMC (Skogestad 2003) with the closed-loop time constant tc: PI for one lag, PID for two, in standard form. */
   function simc(process, design, tc) {
     const order = ORDER[design.kind];
     if (order > 1) throw new RangeError("SIMC has no PIDA");

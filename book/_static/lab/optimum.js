@@ -1,7 +1,7 @@
 /* Search the controller with the least IAE after a load step, for any plant, order, Ms and relative noise gain.
 
    find(process, kind, {ms, noise}) -> {design, iae, ms, noise, ends, agree}. `ends` are the IAE of all descents, the least
-   first. `agree` is the number of descents that ended at the least. The unknowns are the logarithms of the gains and of the
+   first, at which `agree` of them ended. The unknowns are the logarithms of the gains and of the
    filter time, in units of the plant. A fast Fourier transform computes the error from its Laplace transform right of the axis,
    with exact dead time. Another transform computes its slope. The peaks of |S| and the noise gain of the sampled loop are
    limited. Sequential quadratic programming minimises from several starts. A last step makes the limits hold exactly. The
@@ -452,7 +452,7 @@
     return null;
   }
 
-  /* Return the IAE after a unit load step until the response has settled. The integral of the error gives the remainder. */
+  /* Return the IAE after a unit load step: until the response has settled, and the remainder from the integral of the error. */
   function settled(process, design, unit) {
     const own = controller(design), end = 100 * unit, { t, y } = simulate({ process, controller: own, end, points: 4001, load: 1 });
     let sum = 0;

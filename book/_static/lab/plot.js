@@ -11,7 +11,7 @@
   "use strict";
   const WIDTH = 440, HEIGHT = 270, LEFT = 56, RIGHT = 10, TOP = 26, BOTTOM = 40;
 
-  /* Create a part of the page from its description, which is a text or [name, attributes, ...descriptions of its children]. */
+  /* Create a part of the page from its description, a text or [name, attributes, ...descriptions of its children]. */
   function create(parent, wanted) {
     if (typeof wanted === "string") return document.createTextNode(wanted);
     const made = document.createElementNS(parent.namespaceURI, wanted[0]);
@@ -43,7 +43,7 @@
     shown.set(place, wanted);
   }
 
-  /* Create an element with attributes. Names that begin with "on" add listeners. */
+  /* Create an element. Attributes that begin with "on" add listeners. */
   function element(name, attributes = {}, ...children) {
     const made = document.createElement(name);
     for (const [key, value] of Object.entries(attributes)) {
@@ -284,7 +284,7 @@
     return found;
   }
 
-  /* Return title, grid and tick labels of a plot. The lines of the grid are a single path. */
+  /* Return title, grid (a single path) and tick labels of a plot. */
   function grid({ title, x, y, xRange, yRange, px, py }) {
     const below = ["tspan", { "baseline-shift": "sub", "font-size": "75%" }];
     const text = (x, y, name, anchor, words) => ["text", { x, y, class: name, "text-anchor": anchor }, ...marked(words, below)];
