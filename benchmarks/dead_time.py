@@ -1,8 +1,8 @@
 """Compare the exact simulation with other methods for loops with dead time.
 
-Four loops of huba2018 are used, from stable and stiff to unstable, and every method has several settings. The results
-are written to book/data/engine_comparison.csv. Times are CPU times of one thread. They vary between machines, so
-compare the ratios. Set-up, such as the compilation for JiTCDDE, is not included.
+Four loops of huba2018 are used, from stable and stiff to unstable. Results are written to
+book/data/engine_comparison.csv. Times are CPU times of one thread without set-up, such as the compilation for JiTCDDE.
+They vary between machines, so compare the ratios.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ METHODS: dict[str, tuple[Peer, str, tuple]] = {
 
 
 def case_of(m: int, n: int, te: float) -> dict:
-    """Return the oracle's case: an integrator of unit gain with dead time, and the controller of the rule."""
+    """Return the case of an integrator with dead time and the controller of the rule."""
     model = {"gain": 1.0, "delay": 1.0}
     design = {"m": m, "n": n, "te": te, "cancelled": m + 1}
     return next(c for c in oracle_cases("mrdp_loops.json") if c["model"] == model and c["design"] == design)
@@ -58,7 +58,7 @@ def measured(peer: Peer, loop: pidalab.Loop, setting: object, case: dict) -> dic
     row = dict.fromkeys(COLUMNS, "")
     try:
         with limit(CAP), warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # the computed error shows a failure
+            warnings.simplefilter("ignore")  # the error shows a failure
             start = time.perf_counter()  # use wall time, since a compiler runs in another process
             task = peer(loop, HORIZON, setting)
             row["setup_seconds"] = time.perf_counter() - start
@@ -104,7 +104,7 @@ def show(rows: list[dict]) -> None:
 
 
 def main() -> None:
-    """Compare the methods loop by loop, print and write."""
+    """Compare the methods for each loop. Print and write the results."""
     results = []
     for design in LOOPS:
         rows = compare(*design)

@@ -1,6 +1,7 @@
 """Measure responses and margins of a few loops, and the effect of horizon, dead time and order on time.
 
-Every function returns rows of the table that the book reads. The column `value` is the varied quantity.
+`responses`, `margins` and `scaling` return rows of the table that the book reads. The column `value` is the varied
+quantity.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def all_methods(
 
 
 def responses() -> Rows:
-    """Return rows of set-point steps of the oracle's loops, for several numbers of points."""
+    """Return rows of set-point steps of the loops in `LOOPS`, for several numbers of points."""
     for name in LOOPS:
         case = cases()[name]
         loop = case_loop(case)
@@ -81,9 +82,9 @@ def responses() -> Rows:
 
 
 def true_margins(loop: pidalab.Loop) -> np.ndarray:
-    """Compute gain margin, phase margin in degrees and Ms to 30 digits, then round them.
+    """Return gain margin, phase margin in degrees and Ms, computed with 30 digits.
 
-    The search for crossings starts from pidalab's frequencies. Other tests check that no crossing is missed.
+    The search starts from pidalab's frequencies. Other tests check that no crossing is missed.
     """
     near = pidalab.margins(loop)
     with mpmath.workdps(30):
@@ -105,7 +106,7 @@ def true_margins(loop: pidalab.Loop) -> np.ndarray:
 
 
 def margins() -> Rows:
-    """Return rows of gain margin, phase margin and Ms. With python-control, Ms is 1 divided by the distance from -1."""
+    """Return rows of gain margin, phase margin and Ms."""
     for name in LOOPS:
         loop = case_loop(cases()[name])
         tasks: dict[str, Callable[[], object]] = {"pidalab": lambda loop=loop: pidalab.margins(again(loop))}
@@ -121,7 +122,7 @@ def margins() -> Rows:
 
 
 def three(method: str, found: object) -> np.ndarray:
-    """Extract gain margin, phase margin and Ms from the result of a method."""
+    """Return gain margin, phase margin and Ms from the result of a method."""
     if method == "pidalab":
         return np.array([found.gm, found.pm, found.ms])
     gm, pm, distance = found[:3]
@@ -129,7 +130,7 @@ def three(method: str, found: object) -> np.ndarray:
 
 
 def family(order: int, delay: float) -> pidalab.Loop:
-    """Return lags 1, 0.8, 0.64 … and dead time with SIMC's PI controller and a filter that makes it strictly proper."""
+    """Return a loop of lags 1, 0.8, 0.64 …, dead time, and SIMC's PI controller with a filter of order 2."""
     lags = reduce(np.polymul, ([0.8**k, 1.0] for k in range(order)))
     plant = pidalab.Process([1.0], lags, delay)
     pi = classical.simc(plant, "PI").controller

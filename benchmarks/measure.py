@@ -48,15 +48,12 @@ def case_loop(case: dict) -> pidalab.Loop:
 
 
 def again(loop: pidalab.Loop) -> pidalab.Loop:
-    """Return a new loop of the same blocks, for which nothing is cached."""
+    """Return a new loop of the same blocks, without cached results."""
     return pidalab.Loop(loop.process, loop.controller, loop.output_filter, loop.prefilter)
 
 
 def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
-    """Return the CPU time of a run in seconds, and its result.
-
-    With one thread this is the elapsed time without the time of other processes.
-    """
+    """Return the CPU time of a run in seconds, and its result."""
     start = time.process_time()
     for _ in range(runs):
         result = task()
@@ -66,8 +63,7 @@ def duration(task: Callable[[], T], runs: int = 1) -> tuple[float, T]:
 def median_time(task: Callable[[], object], repeats: int = 5) -> float:
     """Return the median duration after warm-up runs.
 
-    Each repetition consists of as many runs as take a tenth of a second, since some clocks tick only every few
-    milliseconds.
+    Each repetition consists of runs for a tenth of a second, since some clocks tick only every few milliseconds.
     """
     runs = 1
     while (once := duration(task, runs)[0]) * runs < 0.02:
@@ -77,9 +73,9 @@ def median_time(task: Callable[[], object], repeats: int = 5) -> float:
 
 
 def clocked(task: Callable[[], T], repeats: int = 3) -> tuple[float, float, T]:
-    """Return elapsed time and CPU time (of all threads) of the fastest of several runs, and the result.
+    """Return elapsed time and CPU time of all threads for the fastest of several runs, and the result.
 
-    Use this function for tasks on all processors. Other processes disturb the fastest run least.
+    Use this function for tasks on all processors.
     """
     runs = []
     for _ in range(repeats):
@@ -91,7 +87,7 @@ def clocked(task: Callable[[], T], repeats: int = 3) -> tuple[float, float, T]:
 
 @contextmanager
 def limit(seconds: int) -> Iterator[None]:
-    """Raise TimeoutError when the block has taken this CPU time in seconds."""
+    """Raise TimeoutError when the block has taken this CPU time."""
     over = f"stopped after {seconds} s"
     fired = False
 
@@ -114,7 +110,7 @@ def limit(seconds: int) -> Iterator[None]:
 
 
 def error(t: np.ndarray, y: np.ndarray, case: dict) -> float:
-    """Return the largest error at those times of the oracle that lie on the uniform grid t.
+    """Return the largest error at the times of the oracle that lie on the uniform grid t.
 
     The error is relative to max(1, |y|). For a response that grows, |y| is its largest value so far. If y is NaN, the
     error is infinite.
@@ -151,7 +147,7 @@ def machine() -> str:
 
 
 def write(name: str, columns: Iterable[str], rows: Iterable[dict]) -> None:
-    """Write a table that the book reads, with three digits for each number. A comment at its top names the machine."""
+    """Write a table that the book reads, with three digits for each number and a comment that names the machine."""
     with (DATA / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         file.write(f"# Made by `make bench` with {machine()}\n")
         writer = csv.DictWriter(file, columns, lineterminator="\n")

@@ -1,15 +1,15 @@
 r"""Other methods to simulate a loop with dead time, with one function for each method.
 
 Each function takes a loop, a horizon and a setting (an order, steps per dead time, or a tolerance). It does all
-preparations, and returns a task without arguments. The task computes the response y to a unit step of the set point,
-and returns times and y. Only the task is timed.
+preparations, and returns a task. The task returns times and the response y to a unit step of the set point. Only the
+task is timed.
 
 All methods except Padé solve the same delay differential equation for the states of prefilter, controller and process,
 
 .. math:: \dot x = A x + b\,v(t - h) + e, \qquad v = c_v x, \qquad y = c_y x, \qquad x(t) = 0 \text{ for } t \le 0,
 
-where e is the effect of the set point. The equation is derived here from the transfer functions, independently of the
-states of the exact simulation.
+where e is the effect of the set point. The equation is derived from the transfer functions, independently of the exact
+simulation.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _states(num: Array, den: Array) -> tuple[Array, Array, Array, float]:
 
 
 def grid(loop: pidalab.Loop, horizon: float, per_delay: int = GRID) -> Array:
-    """Return uniform times from 0 to the horizon, `per_delay` in each dead time."""
+    """Return uniform times from 0 to the horizon."""
     return np.linspace(0.0, horizon, round(horizon / loop.process.delay * per_delay) + 1)
 
 
@@ -89,7 +89,7 @@ def exact(loop: pidalab.Loop, horizon: float, setting: None = None, per_delay: i
 
 
 def pade(loop: pidalab.Loop, horizon: float, order: int, per_delay: int = GRID) -> Task:
-    """Return the task of python-control with a Padé approximation of the dead time, in state space throughout."""
+    """Return the task of python-control with a Padé approximation of the dead time, in state space."""
     t, closed = grid(loop, horizon, per_delay), control.feedback(pade_chain(loop, order), 1)
     closed *= _system(*loop.blocks["prefilter"])
     return lambda: (t, control.step_response(closed, t).outputs)
@@ -98,7 +98,7 @@ def pade(loop: pidalab.Loop, horizon: float, order: int, per_delay: int = GRID) 
 def pade_chain(loop: pidalab.Loop, order: int) -> control.StateSpace:
     """Return the open loop of `pade`.
 
-    The states are balanced, since the states of python-control overflow for a Padé approximation of order 20.
+    The states are balanced, since those of python-control overflow at order 20.
     """
     blocks = [loop.blocks[name] for name in ("process", "output_filter", "controller")]
     return reduce(mul, (_system(*ratio) for ratio in (control.pade(loop.process.delay, order), *blocks)))
@@ -110,7 +110,7 @@ def _system(num: Array, den: Array) -> control.StateSpace:
 
 
 def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return the task of a first-order method that holds v(t - h) over each step and is exact otherwise."""
+    """Return the task of a first-order method that holds v(t - h) during each step and is exact otherwise."""
     equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
 
     def task() -> tuple[Array, Array]:
@@ -128,8 +128,8 @@ def hold(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
 def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
     """Return the task of the classical fourth-order Runge–Kutta method, compiled.
 
-    The dead time is a multiple of the step, so no kink lies inside a step. In the middle of a step, the delayed values
-    are interpolated by cubic Hermite polynomials. The loop is linear, so a step is a matrix, which is computed once.
+    The dead time is a multiple of the step, so no kink lies inside a step. Delayed values in the middle of a step are
+    interpolated by cubic Hermite polynomials. The loop is linear, so a step is a matrix.
     """
     equation, t = delay_equation(loop), grid(loop, horizon, per_delay)
 
@@ -146,7 +146,7 @@ def runge_kutta(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
 
 
 def _runge_kutta_step(A: Array, step: float, x: Array, first: Array, middle: Array, last: Array) -> Array:
-    """Take one step of x' = A x + forcing. The forcing is given at the start, in the middle and at the end."""
+    """Take one step of x' = A x + forcing, with the forcing at the start, in the middle and at the end."""
     k1 = A @ x + first
     k2 = A @ (x + step / 2 * k1) + middle
     k3 = A @ (x + step / 2 * k2) + middle
@@ -195,12 +195,11 @@ def march(R, shares, constant, c_v, c_y, slope, step, each, points):  # pragma: 
 def jitcdde(
     loop: pidalab.Loop, horizon: float, tolerance: float, per_delay: int = GRID, output: bool = True
 ) -> Task:
-    """Return the task of JiTCDDE, compiled, with adaptive Bogacki–Shampine steps and cubic Hermite interpolation.
+    """Return the compiled task of JiTCDDE: adaptive Bogacki–Shampine steps and cubic Hermite interpolation.
 
-    A step of the set point causes kinks that travel round the loop. Two functions of JiTCDDE handle them.
-    `adjust_diff` corrects the first derivative (during so short a time that nothing else changes).
-    `step_on_discontinuities` puts a step on the first dead time, up to which y is 0. Without `output` only the last
-    value is requested. This saves most of the time with 10,001 points at low accuracy.
+    A step of the set point causes kinks that travel round the loop. JiTCDDE's `adjust_diff` corrects the first
+    derivative, and its `step_on_discontinuities` puts a step on the first dead time, up to which y is 0. Without
+    `output` only the last value is requested.
     """
     from jitcdde import jitcdde, t, y
 
@@ -235,9 +234,9 @@ def jitcdde(
 
 
 def ddeint(loop: pidalab.Loop, horizon: float, per_delay: int) -> Task:
-    """Return the task of ddeint, which is SciPy's VODE between requested points, with linear interpolation of the past.
+    """Return the task of ddeint: SciPy's VODE between requested points, with linear interpolation of the past.
 
-    Version 0.3 uses the state of the last point as the present state, so its order is 1, as that of Euler's method.
+    Version 0.3 uses the state of the last point as the present state, so its order is 1.
     """
     from ddeint import ddeint
 

@@ -1,10 +1,9 @@
 """Compare a portrait (10,000 loops, 60,000 samples each) with single simulations by python-control.
 
 The controllers are near that of huba2024, eq. (25). The responses are load steps on an integrator with dead time,
-T_s = 0.001, as in the paper's Fig. 3. The table contains elapsed and CPU times of the portrait on all processors, and
-with one and two workers. python-control integrates a few of these loops one after the other, in continuous time with a
-Padé approximation of the dead time. Its time for all loops is extrapolated. The results are written to
-book/data/portrait_comparison.csv.
+T_s = 0.001, as in the paper's Fig. 3. The portrait is timed on all processors, and with one and two workers.
+python-control integrates a few of these loops one after the other, in continuous time with a Padé approximation of the
+dead time. Its time for all loops is extrapolated. Results are written to book/data/portrait_comparison.csv.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ def one_set(index: int) -> SeriesPIDA:
 
 
 def plain_system(own: SeriesPIDA, delay: float) -> control.NonlinearIOSystem:
-    """Return the closed loop for python-control, with input d and states of filter, reset, dead time and output."""
+    """Return the closed loop for python-control. The states are those of filter, reset, dead time and output."""
     pade = control.tf2ss(*control.pade(delay, PADE))
     A, b, c, d = (np.asarray(x) for x in (pade.A, pade.B[:, 0], pade.C[0], pade.D[0, 0]))
     n, low, high = own.filter_order, *own.limits
@@ -76,7 +75,7 @@ def plain(own: SeriesPIDA, t: np.ndarray) -> pidalab.Response:
 
 
 def main() -> None:
-    """Measure times, compare the results, print them and write them."""
+    """Measure times and differences. Print and write them."""
     pidalab.portrait(LOOP, {}, T[:100], load=1.0)  # compiles
     sets = EACH**4
     clock, cpu, portrait = clocked(lambda: pidalab.portrait(LOOP, grid(), T, load=1.0))

@@ -1,7 +1,7 @@
 """Compare times and errors of pidalab with those of other libraries, and write tables to book/data.
 
-Times are medians of several runs. They are CPU times of one thread, unless a row is about all processors. Since
-machines differ, quote the ratios. ``python -m benchmarks.run`` takes about six minutes on an idle machine.
+Times are medians of several runs, and CPU times of one thread unless a row is about all processors. Since machines
+differ, quote the ratios. ``python -m benchmarks.run`` takes about six minutes on an idle machine.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from studies.optimal_check import BANDS, HIGH, LOW, MEMBERS, MS, PLANTS, Judge
 RESULTS = "speed_comparison"  # name of the table in book/data
 
 
-# The optimal controller is compared with SciPy's differential evolution on the same problem. Differential evolution
-# evaluates controllers with pidalab's responses and poles.
+# The optimal controller is compared with SciPy's differential evolution, which uses pidalab's responses and poles.
 NAMES = ("lags3", "fopdt_balanced", "ipdt")
 ORDERS = (0, 1, 2)
 EQUAL = 1.01
@@ -43,9 +42,7 @@ def evolution(judge: Judge, goal: float) -> tuple[float, float]:
         if best <= goal or time.process_time() - start > CAP:
             raise StopIteration
 
-    with warnings.catch_warnings(
-        action="ignore", category=UserWarning
-    ):  # differential evolution warns if no member keeps the limits yet
+    with warnings.catch_warnings(action="ignore", category=UserWarning):  # if no member keeps the limits yet
         differential_evolution(
             judge.error, bounds, constraints=kept, popsize=MEMBERS, maxiter=10**6, init="sobol",
             polish=False, tol=0.0, rng=SEED, callback=done,
@@ -54,7 +51,7 @@ def evolution(judge: Judge, goal: float) -> tuple[float, float]:
 
 
 def optima() -> Iterator[dict]:
-    """Yield time and IAE of both methods. The error of differential evolution is the excess of its IAE."""
+    """Yield time and IAE of both methods. The error of differential evolution is the relative excess of its IAE."""
     for name in NAMES:
         process, mks = PLANTS[name]
         for order in ORDERS:

@@ -1,7 +1,7 @@
-"""Two inversions of the finite delay series described in make_delay_loops.py.
+"""Two inversions of the finite delay series of make_delay_loops.py.
 
-``on_circles`` integrates around the poles, ``by_talbot`` along fixed Talbot contours; both
-return {signal: values}.  They share only the evaluation of the rational functions.
+``on_circles`` integrates around the poles, ``by_talbot`` along fixed Talbot contours. Both return {signal: values}.
+They share only the evaluation of the rational functions.
 """
 
 import math
@@ -55,7 +55,7 @@ def clusters(case):
     """Return the poles of the terms as groups of increasing magnitude, each far from the next."""
     blocks = coefficients(case)
     poles = [0j] + [p for _, den in blocks for p in np.roots(den)]
-    if not case["delay"]:  # closed loop in place of the open-loop terms
+    if not case["delay"]:  # without dead time, the closed loop is rational
         num, den = np.ones(1), np.ones(1)
         for n, d in blocks[:3]:
             num, den = np.polymul(num, n), np.polymul(den, d)
@@ -69,7 +69,7 @@ def clusters(case):
 
 
 def peak(case, center, radius):
-    """Estimate of the largest log of a term times e^{st} on the circle."""
+    """Estimate the largest log of |term * e^{st}| on the circle."""
     s = center + radius * np.exp(1j * np.pi * (np.arange(400) + 0.5) / 400)
     q = np.prod([np.polyval(n, s) / np.polyval(d, s) for n, d in coefficients(case)[:3]], axis=0)
     size, delay = np.log(np.abs(q)), case["delay"]
@@ -78,10 +78,10 @@ def peak(case, center, radius):
 
 
 def circles(case, digits):
-    """Return the circles (centre, radius), a first node number, log10 of the largest integrand.
+    """Return the circles (centre, radius), a first number of nodes, and log10 of the largest integrand.
 
-    The trapezoidal rule errs by the integrand on a smaller or larger circle times the ratio of
-    the radii to the power of the number of points: the radius taken is the cheapest of a list.
+    The error of the trapezoidal rule is the integrand on a smaller or larger circle, times ratio_of_radii^points. Of a
+    list of radii, the one that needs fewest points is taken.
     """
     spans = []
     for group in clusters(case):
@@ -162,7 +162,7 @@ def talbot_nodes(tau, degree):
 
 @cache
 def talbot_contour(degree, precision):
-    """Return (tau s, weight), which do not depend on tau, to the current precision (in bits)."""
+    """Return (tau s, weight), which do not depend on tau. `precision` only separates entries of the cache."""
     r = mpf(2 * degree) / 5
     nodes = [(r, exp(r) / (2 * degree))]
     for j in range(1, degree):
@@ -174,7 +174,7 @@ def talbot_contour(degree, precision):
     return nodes
 
 
-# --- values to a stated number of digits, and their checks, for every oracle of loops with dead time ---
+# --- checked values, for every oracle of loops with dead time ---
 
 
 def difference(a, b):
@@ -183,7 +183,7 @@ def difference(a, b):
 
 
 def respond(case, times, digits):
-    """Return the values at times, the last difference by doubling, and the nodes used."""
+    """Return the values at times, their change by the last doubling of the nodes, and the number of nodes."""
     places, nodes, size = circles(case, digits)
     precision, agree = int(size) + digits + 35, mpf(10) ** -(digits + 7)
     with workdps(precision):
@@ -199,7 +199,7 @@ def respond(case, times, digits):
 
 
 def check_talbot(case, values, digits):
-    """Return the difference from Talbot at every third time from the last, up to 500 terms in all."""
+    """Return the difference from Talbot's method at every third time, backwards from the last, for up to 500 terms."""
     times, delay = case["times"], case["delay"]
     picked, terms = [], 0
     for i in range(len(times) - 1, -1, -3 if delay else -1):
@@ -221,7 +221,7 @@ def check_talbot(case, values, digits):
 
 
 def reference(case, digits):
-    """Return {signal: values at the case's times}, checked, and a line of evidence."""
+    """Return checked values at the case's times, by signal, and a line of evidence."""
     values, change, nodes = respond(case, case["times"], digits)
     talbot = check_talbot(case, values, digits)
     seen = f"{nodes:5d} nodes, change by doubling {nstr(change, 2)}, Talbot differs {nstr(talbot, 2)}"
@@ -229,7 +229,7 @@ def reference(case, digits):
 
 
 def running_maximum(case):
-    """Return the running maximum of |value| at the case's times, over these and its envelope_times."""
+    """Return the running maximum of |value| at the case's times, taken over `times` and `envelope_times`."""
     grid = sorted({*case["times"], *case["envelope_times"]})
     dense, _, _ = respond(case, grid, ENVELOPE_DIGITS)
     pick = [grid.index(t) for t in case["times"]]
@@ -238,7 +238,7 @@ def running_maximum(case):
 
 
 def stored(case, values, digits, sources=("setpoint", "load", "noise")):
-    """Return the case as it goes to the file."""
+    """Return the case in the format of the file."""
     out = {key: content for key, content in case.items() if key != "envelope_times"}
     out["values"] = nest(values, sources, lambda v: text(v, digits))
     if "envelope_times" in case:

@@ -1,12 +1,10 @@
 """Make between.json: values of loops with fast filters, at random times inside the intervals between dead times.
 
-The values come from `delay_loop_series.by_talbot`: delay terms one by one, each inverted by a fixed Talbot contour. The
-degree is raised until two of them agree to 1e-20 of the largest value; `respond`, which integrates on circles, is not
-used here, since poles up to 1e13 times apart would need one circle each.
+Each delay term is inverted alone by a fixed Talbot contour (`delay_loop_series.by_talbot`). The degree is raised until
+two degrees agree to 1e-20 of the largest value. Circles (`respond`) are not used here, since poles up to 1e13 times
+apart would need one circle each.
 
-The loops are those of LOOPS: filters as the papers have them, and down to 1e-13 of the plant; prefilters, zeros,
-integrators, a neutral loop, an unstable one. Times are drawn once for each loop from a generator with a fixed seed, and
-none is a multiple of the dead time. Run: python oracles/make_between.py
+The times of each loop are drawn with a fixed seed. Run: python oracles/make_between.py
 """
 
 import json
@@ -28,7 +26,7 @@ def lag(time):
 
 
 def loops():
-    """Return the names and loops."""
+    """Yield the names and loops."""
     yield "fopdt_fast_acceleration", Loop(fopdt(1, 1, 0.3713), PIDA(0.1, 0.9, 0.3, 0.02))
     for n, m in ((5, 5), (10, 10), (20, 50), (50, 20), (50, 50)):
         yield f"fopdt_{n}_{m}", Loop(fopdt(1, 1, 0.41), PIDA(0.12, 0.8, 0.25, 0.02, n=n, m=m))
@@ -60,7 +58,7 @@ def loops():
 
 
 def case_of(number, name, loop):
-    """Return the case as delay_loop_series wants it."""
+    """Return the case in the format of delay_loop_series."""
     block = {
         key: dict(zip(("num", "den"), (part.tolist() for part in loop.blocks[key]), strict=True))
         for key in ("process", "controller", "output_filter", "prefilter")
@@ -73,7 +71,6 @@ def case_of(number, name, loop):
 
 
 def solve(item):
-    """Return the case with its values, and a line of evidence."""
     case = case_of(*item)
     before = None
     for degree in (45, 70, 110, 180, 280):

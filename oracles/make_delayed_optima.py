@@ -1,26 +1,26 @@
 """Make delayed_optima.json: PID and PIDA with the least IAE of plants with dead time, under limits of Ms and Mks.
 
-The loop is that of make_limited_optima.py with a dead time L. Then y after a step of the load is not a finite sum of
-exponentials, so IAE comes from a method of steps in double precision instead of closed forms.
+The loop is that of make_limited_optima.py with a dead time L. Its response to a step of the load is not a finite sum of
+exponentials, so the IAE comes from a method of steps in double precision.
 
-How the values are made.  At an optimum the slopes of IAE by gains and filter time T are a sum of those of the limits
-that are reached, each times a multiplier; |S| or |C S| has its peak there. Newton's method solves these equations.
-  * y is a power series on each fraction of L, driven by that of u one dead time before, and so are its slopes: that of
-    Y = G/s by K_k is -s^k/q G Y, q the filter, and G Y is what the same loop answers to y as its load.
-  * IAE and its slopes are integrals of these series from zero to zero, until all has died away.
+Method. At an optimum, the gradient of the IAE by gains and filter time T is a sum of multiplier * (gradient of the
+slack), one for each active limit at its peak. Newton's method solves these equations.
+  * On each fraction of L, y and its slopes are power series, driven by the series of u one dead time before. With the
+    closed loop G from load to y and the denominator q of the filter, the slope of Y = G/s by K_k is -s^k/q G Y. G Y is
+    the response of the same loop to y as its load.
+  * The IAE and its slopes are integrals of these series from zero to zero of y, until the response has decayed.
   * Limits and their slopes are those of make_limited_optima.py, in high precision.
 
-Why they can be trusted.
+Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no transform, no search, no grid of frequencies, no exponential.
-  * With half the step everything is the same to 1e-10.
-  * The series meet the finite delay series of make_delay_loops.py at some times, and their integral is 1/K_-1.
-  * The slopes of IAE agree with its differences.
-  * By make_margins.py the loop is stable and the highest peaks of |S| and |C S| are the limits, for the next doubles of
-    gains and T to 1e-9.
-  * The multipliers are positive: with more room on any limit IAE falls. `prices` says by which share for a share.
-  * Of 1000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
-It is not proved that there is no better optimum elsewhere. If the program under test found one, the test would fail.
-The script fails if one of these checks fails.  Run: python oracles/make_delayed_optima.py
+  * With half the step all values are the same to 1e-10.
+  * y agrees with the finite delay series of make_delay_loops.py at some times, and its integral is 1/K_-1.
+  * The slopes of the IAE agree with its differences.
+  * By make_margins.py, the loop with gains and T rounded to doubles is stable, and its Ms and Mks are the limits to
+    1e-9.
+  * The multipliers are positive, so a relaxed limit reduces the IAE. `prices` is -d ln(IAE)/d ln(limit).
+  * Of 1000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE. A
+better optimum elsewhere is not excluded. Run: python oracles/make_delayed_optima.py
 """
 
 import math
@@ -36,9 +36,9 @@ from problems import poly, rational, store
 from scipy.optimize import brentq
 
 DIGITS, PRECISION = 10, 60
-SHARE, TERMS = 6.0, 44  # step of the series over the filter time at most, and how many terms it has
-LONGEST, FADED = 400.0, 1e-13  # time that is followed at most; share of the largest value that counts no more
-AGREE, ROUGH = 1e-10, 1e-6  # agreement of all values with half the step, and of a slope with a difference
+SHARE, TERMS = 6.0, 44  # largest step divided by the filter time, and number of terms of a series
+LONGEST, FADED = 400.0, 1e-13  # longest time; a response has decayed below this share of its peak
+AGREE, ROUGH = 1e-10, 1e-6  # agreement of all values with half the step, and of slopes with differences
 AROUND, NEAREST, FARTHEST, ROOM = 1000, 1e-4, 0.2, 1e-5
 
 
@@ -56,9 +56,10 @@ class Late(Problem):
         return super().plant(w) * exp(-mpf(self.delay) * mpc(0, w))
 
     def system(self, x):
-        """Return v' = A v + B w(t - L), w = W v + (load, 0), for the loop without and with y as its load, and outputs.
+        """Return A, B, W and the output matrix of v' = A v + B w(t - L), w = W v + (load, 0).
 
-        The outputs are y and its slopes by the unknowns.
+        v holds the states of the loop, and of the same loop with y as its load. The outputs are y and its slopes by the
+        unknowns.
         """
         gains, time, m = np.array(x[:-1]), x[-1], self.order
         n = self.den.size - 1
@@ -66,14 +67,14 @@ class Late(Problem):
         plant, actions = np.zeros((size, size)), np.zeros((m + 2, size))
         plant[0, :n], plant[range(1, n), range(n - 1)] = -self.den[1:], 1.0
         y = np.append(self.num[1:], np.zeros(m + 2))
-        plant[n + 1] = -y / time  # the first lag takes -y, each other the one before, the integrator the last
+        plant[n + 1] = -y / time  # the first lag takes -y, the others the lag before, the integrator the last
         for j in range(m + 1):
             plant[n + 1 + j, n + 1 + j] = -1 / time
             plant[n + 1 + j, n + j] += 1 / time if j else 0.0
         plant[n, -1] = 1.0
         row = np.eye(m + 2)[-1]
         actions[0, n], actions[1, n:] = 1.0, row
-        for k in range(2, m + 2):  # behind a lag, s is what goes in less what comes out, over T
+        for k in range(2, m + 2):  # s times the output of a lag is (input - output)/T
             row = (np.append(row[1:], 0.0) - row) / time
             actions[k, n:] = row
         u = gains @ actions
@@ -91,7 +92,7 @@ class Late(Problem):
         return a, b, w, np.vstack([out, by_time])
 
     def pieces(self, x, share=SHARE):
-        """Return the step, and for each step the series of the outputs in powers of the share of the step."""
+        """Return the step h, and for each step the series of the outputs in powers of (time in the step)/h."""
         a, b, w, out = self.system(x)
         each = math.ceil(self.delay / (share * x[-1]))  # steps in a dead time
         h = self.delay / each
@@ -144,7 +145,7 @@ class Equations:
         self.problem, self.peaks, self.size = problem, peaks, problem.size
 
     def rooms(self, x, frequencies):
-        """Return what is left to the limits at the peaks, with the slopes by the unknowns and by the frequency."""
+        """Yield the slack of each limit at its peak, and its slopes by the unknowns and by the frequency."""
         x = [mpf(v) for v in x]
         for w, (_, noise) in zip(frequencies, self.peaks, strict=True):
             left, by_x = self.problem.room(x, mpf(w), noise)
@@ -152,7 +153,7 @@ class Equations:
             yield float(left), [float(s) for s in by_x], float(flat)
 
     def start(self, x):
-        """Return the vector, with the multipliers that suit the unknowns best."""
+        """Return the vector, with multipliers fitted by least squares."""
         x, frequencies = np.array(x), [w for w, _ in self.peaks]
         sides = np.array([by_x for _, by_x, _ in self.rooms(x, frequencies)])
         weights = np.linalg.lstsq(sides.T * x[:, None], self.problem.iae(x)[1] * x, rcond=None)[0]
@@ -168,7 +169,7 @@ class Equations:
         return np.split(v, [self.size, self.size + len(self.peaks)])
 
     def slopes(self, v):
-        """Return the slopes at the start by differences, accurate enough for all steps."""
+        """Return the slopes at the start by differences. They are accurate enough for all steps."""
         here, steps = self(v, SHARE), 1e-6 * np.abs(v)
         return np.array([(self(v + s, SHARE) - here) / s[i] for i, s in enumerate(np.diag(steps))]).T
 
@@ -189,7 +190,7 @@ def block_of(problem, x):
 
 
 def check(problem, case, x, value, slopes, whole):
-    """Check response and slopes by other methods, and that no controller around is better."""
+    """Check response and slopes by other methods, and that no controller nearby is better."""
     assert abs(whole * x[0] - 1) < AGREE, whole * x[0]
     for k in range(problem.size):
         step = 1e-5 * x[k] * np.eye(problem.size)[k]
@@ -229,7 +230,6 @@ def keeps(problem, x, w):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Late(case)
     begin = case.pop("start")
@@ -257,7 +257,7 @@ def solve(case):
     line = (
         f"{case['name']:16s}IAE = {value:.12g}, half the step differs {gap:.1e}, better than {kept} around it"
     )
-    # the room to a limit grows by twice its share, times |C|^2 for that of noise
+    # d(slack) = 2 d ln(limit), times |C|^2 for the limit of noise
     loud = [problem.controller([mpf(k) for k in x], mpf(w))[0] if noise else 1 for w, noise in peaks]
     room = np.array([float(2 * fabs(c) ** 2) for c in loud])
     prices = multipliers * room / value
@@ -267,7 +267,7 @@ def solve(case):
 
 
 def text(value):
-    """Return a number, or several, as text with the certain digits."""
+    """Return a number, or each of several, as text with the certain digits."""
     return [text(v) for v in value] if np.ndim(value) else f"{value:.{DIGITS}g}"
 
 

@@ -1,22 +1,21 @@
 """Make limited_optima.json: PI, PID and PIDA with the least IAE under limits of Ms and Mks, to 30 digits.
 
-The loop has no dead time, so that y after a step of the load is a sum of exponentials, and IAE a sum over its zeros.
-The controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1). T is unknown, too, or given if the search of the
+The loop has no dead time, so that y after a step of the load is a sum of exponentials, and the IAE a sum over the zeros
+of y. The controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1). T is unknown, or given if the search of the
 library is at its shortest filter.
 
-How the values are made.  At an optimum the slopes of IAE by gains and T are a sum of those of the limits that are
-reached, each times a multiplier; |S| or |C S| has its peak there. Newton's method solves these equations with 60
-digits: poles by polyroots, their slopes and those of the residues in closed form, zeros of y to 60 digits.
+Method. At an optimum, the gradient of the IAE by gains and T is a sum of multiplier * (gradient of the slack), one for
+each active limit at its peak. Newton's method solves these equations with 60 digits. Poles come from polyroots, slopes
+of poles and residues from closed forms.
 
-Why they can be trusted.
+Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no transform, no search, no grid of frequencies.
-  * By make_margins.py the loop is stable and the highest peaks of |S| and |C S| are the limits, for the next doubles of
-    gains and T to 1e-12.
-  * The multipliers are positive: with more room on any limit IAE falls.
-  * IAE and its slopes agree with a sum over samples and with differences of IAE.
-  * Of 4000 controllers around, up to a fifth away in each unknown, none that keeps the limits has a smaller IAE.
-It is not proved that there is no better optimum elsewhere. If the program under test found one, the test would fail.
-The script fails if one of these checks fails.  Run: python oracles/make_limited_optima.py
+  * By make_margins.py, the loop with gains and T rounded to doubles is stable, and its active limits are met to 1e-12.
+  * The multipliers are positive, so a relaxed limit reduces the IAE.
+  * The IAE agrees with a sum over samples, and its slopes with differences of the IAE.
+  * Of 4000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE. A
+better optimum elsewhere is not excluded. If the program under test found one, the test would fail. Run: python
+oracles/make_limited_optima.py
 """
 
 import numpy as np
@@ -24,9 +23,9 @@ from make_margins import AxisFunctions, all_margins, unstable_poles
 from mpmath import diff, exp, fabs, findroot, matrix, mp, mpc, mpf, nstr, polyroots, polyval
 from problems import add, poly, rational, store
 
-DIGITS, PRECISION, FADED = 30, 60, 150  # exponent beyond which a response has died away
-AROUND, NEAREST, FARTHEST = 4000, 1e-4, 0.2  # controllers that are tried, and how far away
-ROOM, ROUGH = 1e-5, 1e-6  # share of the limits that they leave free; how exact a sum over samples is
+DIGITS, PRECISION, FADED = 30, 60, 150  # FADED: exponent at which a response has decayed
+AROUND, NEAREST, FARTHEST = 4000, 1e-4, 0.2  # controllers tried; least and largest distance
+ROOM, ROUGH = 1e-5, 1e-6  # unused part of a limit; accuracy of the IAE from samples
 
 
 def slope(p):
@@ -34,7 +33,7 @@ def slope(p):
 
 
 class Problem:
-    """A plant b/a and the order m of its controller; an unknown vector is gains, then T unless it is given."""
+    """A plant b/a and the order m of its controller. The unknowns are the gains, then T unless it is given."""
 
     def __init__(self, case):
         self.b, self.a = ([mpf(x) for x in case["process"][k]] for k in ("num", "den"))
@@ -62,7 +61,7 @@ class Problem:
         return polyval(self.b, mpc(0, w)) / polyval(self.a, mpc(0, w))
 
     def room(self, x, w, of_noise):
-        """Return the slack of a limit at a frequency, not negative if it is kept, and its slopes."""
+        """Return the slack of a limit at a frequency (negative if it is violated), and its slopes."""
         plant, (c, by_x) = self.plant(w), self.controller(x, w)
         back = 1 + plant * c
         turn = [2 * (back.conjugate() * plant * one).real for one in by_x]
@@ -128,7 +127,7 @@ def zeros(poles, size):
     slowest = max(p.real for p in poles)
     p, r = np.array([complex(x) for x in poles]), np.array([complex(x) for x in size])
     t = np.linspace(0.0, FADED / -float(slowest), 40_001)[1:]
-    y = np.real(np.exp(np.outer(t, p - float(slowest))) @ r)  # without what all terms fade by
+    y = np.real(np.exp(np.outer(t, p - float(slowest))) @ r)  # without the slowest decay
     found = []
     for i in np.flatnonzero(np.sign(y[1:]) != np.sign(y[:-1])):
         z = mpf(t[i] + (t[i + 1] - t[i]) * y[i] / (y[i] - y[i + 1]))
@@ -160,7 +159,7 @@ def optimum(problem, start, peaks):
         ]
         return [*slopes, *(room for room, _ in rooms), *flat]
 
-    # the multipliers that suit the start best
+    # multipliers that fit the start
     x = [mpf(v) for v in start]
     sides = matrix([problem.room(x, mpf(w), noise)[1] for w, noise in peaks]).T
     weights = mp.lu_solve(sides, matrix(problem.iae(x)[1]))
@@ -169,7 +168,7 @@ def optimum(problem, start, peaks):
 
 
 def check(problem, x, value, slopes):
-    """Check IAE by another method, its slopes by differences, and that no controller around is better."""
+    """Check the IAE by another method, its slopes by differences, and that no controller nearby is better."""
     found = rough(problem, [float(v) for v in x])
     assert abs(found / float(value) - 1) < ROUGH, (found, float(value))
     for k in range(problem.size):
@@ -222,7 +221,6 @@ def keeps(problem, x, w):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     problem = Problem(case)
     begin = case.pop("start")

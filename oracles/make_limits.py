@@ -1,17 +1,16 @@
 """Make limits.json: criteria of absolute stability, and a shortest filter, to 30 digits.
 
-As in make_margins.py everything on the axis is a quotient of functions with polynomials, cos(wL) and sin(wL), whose
-zeros are isolated with proof.
+As in make_margins.py, zeros are isolated with proof.
 
-  circle   The infimum of Re[1 + G]: the least of the values at the zeros of its slope and of its limits.
-  Popov    With the multiplier x the function is 1 + Re G - x w Im G.  Where Im G = 0 it does not depend on x, so no
-           multiplier has a margin above 1 + Re G there.  The multiplier that makes the slope 0 at such a frequency is
-           taken, and shown to have its infimum there: then it is the best one.
-  filter   The time constant of the filter of a PD controller at which a pair of poles reaches the axis: Newton's
-           method for frequency and time constant; a millionth above it the loop is stable, a millionth below it is
-           not, by the method of Walton and Marshall.
+  circle The infimum of Re[1 + G]: the least of its limit at 0 and its values at zeros of its slope. Popov With the
+  multiplier x the function is 1 + Re G - x w Im G. Where Im G = 0 it does not depend on x, so no
+           multiplier has a margin above 1 + Re G there. The script takes the multiplier that makes the slope 0 at such
+           a frequency, and shows that the infimum is there. So it is the best one.
+  filter   The time constant of the filter of a PD controller at which a pair of poles reaches the axis, by Newton's
+           method for frequency and time constant. By the method of Walton and Marshall, the loop is stable a millionth
+           above this time constant, and unstable a millionth below it.
 
-Closed forms are compared to 40 digits.  The script fails if a check fails.  Run: python oracles/make_limits.py
+Closed forms are compared to 40 digits. The script fails if a check fails.  Run: python oracles/make_limits.py
 """
 
 from fractions import Fraction
@@ -72,7 +71,7 @@ def popov(f):
 
 
 def shortest_filter():
-    """Return the border of stability of 1/(s+1) e^{-0.2s} under 2 + 1.5 s/(T s + 1)."""
+    """Return the T at the limit of stability of 1/(s+1) e^{-0.2s} with the controller 2 + 1.5 s/(T s + 1)."""
     plant, delay, kp, kd = rational([1.0], [1.0, 1.0]), 0.2, 2.0, 1.5
 
     def poles(t):
@@ -102,7 +101,6 @@ def shortest_filter():
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     f = AxisFunctions(case)
     ti = case["arguments"]["ti"] if "arguments" in case else None

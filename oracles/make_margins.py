@@ -1,29 +1,27 @@
-"""Make margins.json: margins, peaks, limits of stability and criteria of absolute stability to 30 digits.
+"""Make margins.json: margins, peaks, crossovers, limits of stability and numbers of unstable poles, to 30 digits.
 
-The loop is that of make_delay_loops.py. On the axis everything is a quotient of functions a + b cos(wL) + c sin(wL)
-with polynomials a, b, c whose coefficients are exact:
+The loop is that of make_delay_loops.py, with L(s) = N/D e^{-Ls}. On the axis everything is a quotient of functions
+a + b cos(wL) + c sin(wL) with polynomials a, b, c whose coefficients are exact:
 
-    gain crossovers     |N|^2 = |D|^2                       L(s) = N/D e^{-Ls}
+    gain crossovers     |N|^2 = |D|^2
     phase crossovers    Im[N D* e^{-jwL}] = 0, real part below 0
-    peaks               zeros of the slopes of |S|^2, |T|^2, |C S|^2, with |D + N e^{-jwL}|^2 as their denominator
-    circle criterion    zeros of the slope of Re L
+    peaks               zeros of the slopes of |S|^2, |T|^2, |C S|^2, with the denominator |D + N e^{-jwL}|^2
 
-How the values are made.  All zeros between 0 and a frequency W are isolated (quasipolynomials.py) and found by Newton's
-method with 90 digits. W is so large that higher frequencies have no effect.  Margins are the least or largest of the
-candidates. The method of Walton and Marshall decides stability. It counts the unstable poles without dead time. While
-the dead time grows from 0 to L, poles cross the axis only at gain crossovers, at known dead times, in a direction given
-by the sign of the slope of |D|^2 - |N|^2.
+Method.  All zeros between 0 and a frequency W are isolated (quasipolynomials.py) and found by Newton's method with 90
+digits. Frequencies above W have no effect. Each margin is the least or largest of the candidates. The method of Walton
+and Marshall decides stability. It counts the unstable poles without dead time. While the dead time grows from 0 to L,
+poles cross the axis only at gain crossovers, at known dead times. The sign of the slope of |D|^2 - |N|^2 gives their
+direction.
 
-Why they can be trusted.
-  * No grid, no phase that is followed along one, no argument principle, no minimiser: nothing is shared with the
-    program under test.
+Checks (the script fails if one of them fails).
+  * Nothing is shared with the program under test: no grid, no tracking of a phase, no argument principle, no minimiser.
   * Coefficients and dead time are the exact values of the stored doubles.
-  * That no zero is missed is proved by bounds of the second derivative; that none beyond W counts, by polynomials all
-    of whose coefficients around W are positive.
-  * Every value is put in again: |L| = 1, arg L = 180 degrees, 1/|1 + L| at the peaks, to 40 digits; on a grid of 4000
-    frequencies nothing is higher; poles on the axis for the gain and the dead time at the margin.
-  * Where there are closed forms they are compared, to 40 digits.
-The script fails if one of these checks fails.  Run: python oracles/make_margins.py
+  * Bounds of the second derivative prove that no zero is missed. Polynomials whose coefficients around W are all
+    positive prove that no zero beyond W counts.
+  * Every value is substituted, to 40 digits: |L| = 1 and arg L = 180 degrees at the crossovers, and poles on the axis
+    for the gain and the dead time at the margin. On a grid of 400 frequencies nothing is higher than a peak.
+  * Closed forms, where they exist, are compared to 40 digits.
+Run: python oracles/make_margins.py
 """
 
 from mpmath import arg, atan, exp, fabs, inf, isinf, isnan, mp, mpc, mpf, nan, nstr, pi, polyroots, sqrt
@@ -31,8 +29,8 @@ from problems import poly, store
 from quasipolynomials import Quasi, add, exact, number, on_axis, positive_beyond, scaled, squared
 
 DIGITS, PRECISION, CHECKED = 30, 90, 40
-MOST_TURNS = 500  # rad of the dead time over which |C S| is followed
-QUIETEST = mpf("0.1")  # phase crossovers are listed where |L| is at least that
+MOST_TURNS = 500  # largest phase of the dead time, in rad, up to which |C S| is computed
+QUIETEST = mpf("0.1")  # phase crossovers are listed where |L| is at least this
 POLES = [
     (0.3, 0.0),
     (3.0, 0.0),
@@ -43,7 +41,7 @@ POLES = [
 
 
 class Elsewhere(Exception):
-    """Raised if the highest value may be at infinite frequency, or too far out."""
+    """Raised if the highest value may be at infinite frequency, or at too high a frequency."""
 
 
 def at(p, w):
@@ -98,7 +96,7 @@ class AxisFunctions:
         return Quasi(difference).zeros(end)
 
     def phase_crossovers(self, end):
-        """Return the phase crossovers below `end`, without dead time all of them."""
+        """Return the phase crossovers below `end`, or all of them if there is no dead time."""
         if not self.delay:
             real = self.imaginary.b
             while not positive_beyond(real, end) and not positive_beyond(scaled(real, -1), end):
@@ -113,9 +111,9 @@ def at_zero(num, below):
 
 
 def peak(f, num, value, floor, quiet):
-    """Return the largest of the values at 0, at infinity (`floor`) and where the slope is 0, and its place.
+    """Return the largest of the values at 0 and where the slope is 0, and its place.
 
-    `quiet` gives from what is surely reached a frequency beyond which nothing is higher.
+    `floor` is the value at infinity. `quiet(seen)` returns a frequency beyond which all values are below `seen`.
     """
     first = at_zero(num, f.below)
     seen = max(first, *(value(mpf(10) ** (mpf(k) / 40)) for k in range(-160, 240)))
@@ -129,7 +127,7 @@ def peak(f, num, value, floor, quiet):
 
 
 def unstable_poles(f, factor=1.0, extra=0.0):
-    """Return number of poles right of the axis, by the method of Walton and Marshall."""
+    """Return the number of unstable poles, by the method of Walton and Marshall."""
     num, delay = scaled(f.num, exact([factor])[0]), number(f.real.delay) + mpf(extra)
     total = add(num, f.den)
     poles = polyroots([number(x) for x in reversed(total)], maxsteps=2000, extraprec=2000)
@@ -167,7 +165,7 @@ def all_margins(f):
     if flat and not late:
         raise ArithmeticError("a direct feedthrough without dead time is not among the cases")
     rising = flat and positive_beyond(add(scaled(f.dd, f.flat_exact**2), scaled(f.nn, -1)), mpf(2) ** -40)
-    if rising:  # |L| < |L(inf)| everywhere, and the dead time turns it to any direction far out
+    if rising:  # |L| < |L(inf)| everywhere, and L has every phase at high frequency
         assert flat < 1
         out |= {"gm": 1 / flat, "gm_low": mpf(0), "wpc": inf, "candidates": []}
         out |= {"ms": 1 / (1 - flat), "mt": flat / (1 - flat), "wms": inf, "wmt": inf}
@@ -175,7 +173,7 @@ def all_margins(f):
         return out
     most, phase, small = QUIETEST if flat < QUIETEST else (1 + flat) / 2, None, []
     while phase is None or (late and max(small, default=0) < most):
-        if phase is not None:  # on to where |L| is below the largest found, or nearer to what it tends to
+        if phase is not None:  # continue to where |L| is below the largest found, or nearer to |L(inf)|
             most = max(small, default=flat + (most - flat) / 10)
         phase = f.phase_crossovers(f.quiet_beyond(most))
         sizes = [fabs(f.L(w)) for w in phase]
@@ -262,7 +260,8 @@ def closed_forms(name, found):
 
 
 def check_limits(f, found):
-    """Check that the gain, or the dead time, at its margin gives a pole on the axis, and a little less does not."""
+    """Check that the gain, or the dead time, at its margin gives a pole on the axis, and that stability changes
+    there."""
     less, poles = 1 - mpf(10) ** -9, []
     for factor in (found["gm"], found["gm_low"]):
         if mpf(0) < factor < inf and 0 < found["wpc"] < inf:
@@ -285,7 +284,6 @@ def text(x):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     f = AxisFunctions(case)
     count = unstable_poles(f)

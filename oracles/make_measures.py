@@ -1,20 +1,20 @@
 """Make measures.json: IE, IAE, ISE, ITAE, total variation, overshoot, rise and settling time to 25 digits.
 
-Loops with dead time L as in make_delay_loops.py, after a unit step of the set point or of the load, from 0 to `end`.
+The loops are as in make_delay_loops.py, after a unit step of the set point or of the load, from 0 to `end`.
 
-How the values are made.  The past of the control signal drives the plant: from one multiple of a step, a fraction of L,
-to the next all signals are power series, and the series of the past is known.  Each is cut off where it is below 1e-45.
-On each step the zeros of the error and of the slopes of y and u are isolated by bounds of the second derivative;
-between them the integrals of |e| are those of polynomials.
+Method.  On each step, a fraction of the dead time, the series of the past control signal is known, and all signals are
+power series. Each series is cut off below 1e-45. The zeros of the error and of the slopes of y and u on each step are
+isolated by bounds of the second derivative. Between them the integrals of |e| are those of polynomials.
 
-Why they can be trusted.
+Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no matrix exponential, no samples, no parabolas between them.
-  * Everything is done twice, the second time with half the step: the two agree to 1e-30.
-  * y and u at some times agree to 1e-25 with the finite series of make_delay_loops.py, which is another method.
+  * Everything is computed again with half the step, and agrees to 1e-30.
+  * y and u at some times agree to 1e-25 with the finite series of make_delay_loops.py.
 
-Beside each value stands the rate of the error that a record with the step h is expected to make of it: `Response`
-takes the error for parabolas with exact area between samples, u for straight lines.  With the remainder
-e''' h^3 s(s - 1)(2s - 1)/12 of such a parabola, 0 < s < 1, the errors are at most
+`rates` holds, for each measure, the error to expect from samples at intervals h, without the powers of h. `Response`
+uses parabolas with exact area between samples for the error, and straight lines for u. The remainder of such a parabola
+is e''' h^3 s(s - 1)(2s - 1)/12, 0 < s < 1. For small h, and breaks of the derivatives on the samples, the errors are at
+most
 
     IAE              h^4/192 sum |e'''|  over the sign changes of e
     ITAE             h^4/192 sum t |e'''| + h^4/720 integral |e'''|
@@ -23,7 +23,6 @@ e''' h^3 s(s - 1)(2s - 1)/12 of such a parabola, 0 < s < 1, the errors are at mo
     total variation  h^2/4 sum |x''| over the extrema
     crossing times   h^2/8 |e''/e'|
 
-with h small, and breaks of the derivatives on the samples.  `rates` holds these without the powers of h.
 Run: python oracles/make_measures.py
 """
 
@@ -121,10 +120,10 @@ def integral(p, a, b):
 
 
 def zeros(p, step):
-    """Return the zeros of a series inside a step, without 0 itself and series that are zero up to rounding.
+    """Return the zeros of a series inside a step, except 0. A series that is zero up to rounding has none.
 
-    They are isolated with floats: an interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|,
-    and f is monotonic there if |f'(m)| > r max|f''|; both with a margin for rounding. Otherwise it is halved.
+    They are isolated with floats. An interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|,
+    and f is monotonic in it if |f'(m)| > r max|f''|. Both tests have a margin for rounding. Other intervals are halved.
     """
     p = [x * step**k for k, x in enumerate(p)]
     size = max(map(fabs, p))
@@ -182,7 +181,7 @@ def turning(parts, step):
 
 
 def measured(case, source, step):
-    """Return all measures after one step, and the rates of the errors that samples make of them."""
+    """Return all measures after one step, their `rates`, the series and their step."""
     done, step = pieces(case, source, step)
     target = mpf(1) if source == "setpoint" else mpf(0)
     errors = [[target - y[0], *(-x for x in y[1:])] for y, _ in done]
@@ -224,7 +223,7 @@ def measured(case, source, step):
 
 
 def first_passage(errors, step, level):
-    """Return the first time at which the error is at a level, and the rate of the error of straight lines."""
+    """Return the first time at which the error is at a level, and the rate of its error."""
     for k, e in enumerate(errors):
         places = zeros([e[0] - level, *e[1:]], step)
         if places:
@@ -258,7 +257,6 @@ def compare_with_series(case, source, done, step):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     out, gap, apart = {}, mpf(0), mpf(0)
     for source in ("setpoint", "load"):

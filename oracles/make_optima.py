@@ -1,19 +1,19 @@
 """Make optima.json: the largest integral gain of a PI controller under a limit of Ms, to 30 digits.
 
-After a step of the load |IE| = 1/ki, and IAE is never less than |IE|. So no PI controller within the limit has an IAE
-below 1/ki of the largest allowed ki. A controller that attains this bound is the global optimum.
-The controller is (kp + ki/s)/(T s + 1) with a given T, the shortest filter that the search of the library allows.
+After a step of the load |IE| = 1/ki, and IAE >= |IE|. So no PI controller within the limit has an IAE below 1/ki of the
+largest allowed ki. A controller that attains this bound is the global optimum. The controller is
+(kp + ki/s)/(T s + 1), where T is the shortest filter time that the search of the library allows.
 
-How the values are made.  At the largest ki one frequency touches the limit: |1 + L| = 1/Ms, and its slopes by frequency
-and by kp are 0. Newton's method solves the three equations with 60 digits.
+Method.  At the largest ki, |1 + L| = 1/Ms at one frequency, and the slopes of |1 + L| by frequency and by kp are 0.
+Newton's method solves the three equations with 60 digits.
 
-Why they can be trusted.
+Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no response, no search, no gradient of an integral.
-  * By make_margins.py the loop is stable and the highest peak of |S| is Ms, for the next doubles of the gains to 1e-12.
-  * For 2001 other kp, from 0 to four times that of the optimum, the largest ki is found from the other side: at a
-    frequency the limit is a quadratic equation in ki, and the least of its roots over 20001 frequencies bounds ki. Not
-    one is larger, to 1e-4, which is what these frequencies can tell.
-The script fails if one of these checks fails.  Run: python oracles/make_optima.py
+  * By make_margins.py, the loop with gains rounded to doubles is stable, and its Ms is the limit to 1e-12.
+  * For 2001 values of kp, from 0 to four times the optimal kp, the limit at each of 20001 frequencies is a quadratic
+    equation in ki, whose least root bounds ki. No kp has a larger ki, to 1e-4, the accuracy that these frequencies
+    permit.
+Run: python oracles/make_optima.py
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def largest_gain(process, delay, ms, time, start):
 
 
 def bound(process, delay, ms, time, top):
-    """Return the largest ki over many kp, by the quadratic equation at many frequencies."""
+    """Return the largest ki for many values of kp, by the quadratic equation at many frequencies."""
     w = np.geomspace(1e-3, 1e2, 20001)
     s = 1j * w
     plant = (
@@ -61,7 +61,6 @@ def bound(process, delay, ms, time, top):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     begin = case.pop("start")
     process, delay, ms, time = (case[key] for key in ("process", "delay", "ms", "filter_time"))

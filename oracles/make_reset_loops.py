@@ -1,11 +1,12 @@
 """Make reset_loops.json: limited loops with automatic reset in continuous time, by the method of steps.
 
-An integrator with dead time under the controller of huba2024, Fig. 1: binomial filter, PDA terms of the filter's
-states, saturation, and positive feedback of the saturated signal through a lag. An adaptive Runge-Kutta method of
-order 8 goes from break to break: the multiples of the dead time, the instants at which the saturation begins or ends,
-and those instants one dead time later. In between all is smooth, and the past comes from the dense output. Nothing is
-shared with the program under test, which is sampled. Everything is computed twice, with different steps and tolerances,
-and the script fails if the results differ by more than 1e-8. Run: python oracles/make_reset_loops.py
+An integrator with dead time is controlled as in huba2024, Fig. 1: binomial filter, PDA terms of the filter's states,
+saturation, and positive feedback of the saturated signal through a lag. An adaptive Runge-Kutta method of order 8
+integrates from break to break. The breaks are the multiples of the dead time, the instants at which the saturation
+begins or ends, and those instants one dead time later. The past comes from the dense output.
+
+Nothing is shared with the program under test, which is sampled. Everything is computed twice, with different steps and
+tolerances. The script fails if the results differ by more than 1e-8. Run: python oracles/make_reset_loops.py
 """
 
 import json
@@ -19,7 +20,7 @@ END, EVERY, AGREEMENT = 30.0, 0.5, 1e-8
 
 
 class Run:
-    """An integration. The state consists of filter, reset, prefilter, output."""
+    """An integration. The state consists of filter, reset, prefilter and output."""
 
     def __init__(self, case, largest_step, tolerance):
         self.case, self.own = case, case["controller"]
@@ -46,7 +47,7 @@ class Run:
         return min(max(self.wanted(x), low), high)
 
     def past(self, t):
-        """Return the control signal at an earlier time; at rest before 0."""
+        """Return the control signal at an earlier time. It is 0 before t = 0."""
         if t < 0:
             return 0.0
         piece = next(p for p in reversed(self.pieces) if p.t_min <= t)

@@ -1,26 +1,26 @@
 """Make sampled_loops.json: margins, noise gain and responses of loops with a digital controller, to 30 digits.
 
-The plant G(s) e^{-Ls} stands between a hold and a sampler, the controller is K(z), and all is a quotient of polynomials
-in z. K is C(s) with s replaced (backward, tustin) or its answer to a held input (zoh), like that of the plant.
+The plant G(s) e^{-Ls} is between a hold and a sampler, the controller is K(z), and both are quotients of polynomials in
+z. K is C(s) with s replaced (backward, tustin), or C(s) between a hold and a sampler (zoh).
 
-How the values are made.
-  * A held input: the denominator is the characteristic polynomial of the matrix exponential of the companion matrix,
-    the numerator the product of the denominator and the pulse response.  The pulse response comes from another way,
+Method.
+  * Blocks between a hold and a sampler: the denominator is the characteristic polynomial of the matrix exponential of
+    the companion matrix. The numerator is the product of the denominator and the pulse response, which comes from
     integrals of G(s)/s e^{st} over circles around all poles (see make_delay_loops.py).
   * Margins: on the unit circle every quotient is one of polynomials in y = 1 - cos(wh), whose zeros between 0 and 2 are
     isolated with proof, and found by Newton's method (quasipolynomials.py).
   * Noise gain: Parseval's integral by Astrom's recursion, which is exact.
   * Responses: the difference equations.
 
-Why they can be trusted.
+Checks (the script fails if one of them fails).
   * Nothing is shared with the program under test: no state space of its blocks, no grid, no argument principle, no
     sum over a simulation.
-  * If the two ways to a held input differed, the product that makes the numerator would not end where it has to: it is
-    continued, and is below 1e-45.
-  * Stability by the zeros of 1 + L, and again by the signs in Astrom's recursion.
-  * The noise gain again as the sum of the squares of the pulse response of u, until they are below 1e-40.
-  * |L| = 1 and L < 0 put in again; on a grid of 4000 frequencies no peak is higher.
-The script fails if one of these checks fails.  Run: python oracles/make_sampled_loops.py
+  * The denominator and the pulse response are computed independently. If they differed, their product would not end. It
+    is continued beyond its end, and is below 1e-45.
+  * Stability is decided by the zeros of 1 + L, and again by the signs in Astrom's recursion.
+  * The noise gain agrees to 1e-40 with the sum of the squares of the pulse response of u.
+  * |L| = 1 and L < 0 hold at the crossovers. On a grid of 4000 frequencies no value is above the peak. Run: python
+oracles/make_sampled_loops.py
 """
 
 import math
@@ -34,7 +34,7 @@ from problems import add, poly, store
 from quasipolynomials import Quasi, add as ascending_sum, slope
 
 PRECISION = 130
-NODES = 400  # number of nodes of a circle
+NODES = 400  # least number of nodes of a circle
 
 
 def terms(kind, own):
@@ -86,7 +86,7 @@ def substituted(num, den, h, method):
 
 
 def step_values(num, den, times):
-    """Step response of num/den at times, by integrals over a circle around 0 and all poles."""
+    """Return the step response of num/den at times, by integrals over a circle around 0 and all poles."""
     radius = (
         2 * max((fabs(c / den[0]) ** (mpf(1) / k) for k, c in enumerate(den) if k and c), default=mpf(1)) + 1
     )
@@ -128,7 +128,7 @@ def held(num, den, h, late=0.0):
     product = [sum(bottom[i] * pulses[k - i] for i in range(min(k, n) + 1)) for k in range(length + 6)]
     size = max(map(fabs, product))
     assert all(fabs(x) < mpf(10) ** -45 * size for x in product[length:]), "the two ways differ"
-    # num/den in powers of 1/z, over the same power of z
+    # Multiply both by the same power of z, and remove common factors of z.
     top, below = product[:length], bottom + [mpf(0)] * (length - n - 1)
     while len(top) > n + 1 and fabs(top[-1]) < mpf(10) ** -45 * size:
         top, below = top[:-1], below[:-1]
@@ -136,7 +136,7 @@ def held(num, den, h, late=0.0):
 
 
 def on_circle(p, q):
-    """Return p(z) q(1/z) on the unit circle: polynomials in y = 1 - cos, real and imaginary part over sin."""
+    """Return the real part of p(z) q(1/z) on the unit circle, and the imaginary part / sin(wh), in powers of y."""
     n = max(len(p), len(q)) - 1
     p, q = ([mpf(0)] * (n + 1 - len(x)) + x for x in (p, q))
     p, q = p[::-1], q[::-1]
@@ -155,7 +155,7 @@ def on_circle(p, q):
 
 
 def cleaned(p):
-    """Return the polynomial with 0 for what is only rounding."""
+    """Replace coefficients that are only rounding errors by 0."""
     size = max(map(fabs, p))
     return [x if fabs(x) > mpf(10) ** -75 * size else mpf(0) for x in p]
 
@@ -214,7 +214,7 @@ def margins(num, den, h):
 
 
 def mean_square(num, den):
-    """Sum of the squares of the pulse response of num/den by Astrom's recursion, or None for an unstable one."""
+    """Return the sum of the squares of the pulse response by Astrom's recursion, or None if num/den is unstable."""
     a = list(den)
     b = [mpf(0)] * (len(den) - len(num)) + list(num)
     first, total = a[0], mpf(0)
@@ -250,7 +250,6 @@ def running(values):
 
 
 def solve(case):
-    """Return the case with its values, and a line of evidence."""
     mp.dps = PRECISION
     h = mpf(case["sample_time"])
     num, den = ([mpf(x) for x in case["process"][k]] for k in ("num", "den"))

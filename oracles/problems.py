@@ -1,7 +1,4 @@
-"""The problems of an oracle, which are stored in its file with the answers.
-
-To add a problem, write a case without answers into the file, and run the script that is named there.
-"""
+"""The problems of an oracle, which are stored in its file with the answers."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -9,7 +6,7 @@ from multiprocessing import Pool
 from pathlib import Path
 
 ANSWERS = ("values", "envelope", "unstable_poles", "poles", "y", "u")
-FINER = 8  # points in a dead time at which a growing response is looked at
+FINER = 8  # points in a dead time for the envelope of a growing response
 
 
 def file_of(script: str) -> Path:
@@ -35,12 +32,12 @@ def problems(script: str) -> Iterator[dict]:
 
 
 def rough(found):
-    """Return a number, or several, from text, to six digits."""
+    """Convert a text, or each of several, to a number with six digits."""
     return [rough(one) for one in found] if isinstance(found, list) else float(f"{float(found):.6g}")
 
 
 def store(script: str, digits: int, solve: Callable[[dict], tuple[dict, str]], **more: object) -> None:
-    """Solve all cases, print a line for each, and write the file."""
+    """Solve all cases and write the file. `solve` returns the case with its values, and a line of evidence to print."""
     done = []
     with Pool(2) as pool:
         for case, line in pool.imap(solve, problems(script)):
@@ -52,12 +49,12 @@ def store(script: str, digits: int, solve: Callable[[dict], tuple[dict, str]], *
 
 
 def rational(num, den):
-    """Return a block, of coefficients in descending powers."""
+    """Return a block with coefficients in descending powers."""
     return {"num": [float(x) for x in num], "den": [float(x) for x in den]}
 
 
 def poly(*factors):
-    """Return the product of polynomials, of numbers of any kind."""
+    """Return the product of polynomials."""
     out = [1]
     for factor in factors:
         new = [0] * (len(out) + len(factor) - 1)
@@ -69,6 +66,6 @@ def poly(*factors):
 
 
 def add(p, q):
-    """Sum of two polynomials in descending powers."""
+    """Return the sum of two polynomials in descending powers."""
     n = max(len(p), len(q))
     return [x + y for x, y in zip([0] * (n - len(p)) + p, [0] * (n - len(q)) + q, strict=True)]

@@ -1,7 +1,7 @@
 """Functions a(w) + b(w) cos(w L) + c(w) sin(w L) with polynomials a, b, c, and all of their zeros.
 
-Polynomials are lists of fractions in ascending powers: those of the stored doubles, so nothing is rounded before a
-function is evaluated. That no zero is missed is proved: see ``zeros``.
+Polynomials are lists of exact fractions in ascending powers, so nothing is rounded before a function is evaluated.
+``Quasi.zeros_between`` proves that no zero is missed.
 """
 
 from fractions import Fraction
@@ -13,7 +13,7 @@ TERMS = 40  # terms of the power series at 0 beyond the degree of the polynomial
 
 
 def exact(polynomial):
-    """Return the ascending fractions of a polynomial that is given by floats in descending powers."""
+    """Convert floats in descending powers to fractions in ascending powers."""
     return [Fraction(x) for x in reversed(polynomial)]
 
 
@@ -75,7 +75,7 @@ def positive_beyond(p, start):
 
 
 class Quasi:
-    """One such function."""
+    """A function a(w) + b(w) cos(w L) + c(w) sin(w L)."""
 
     def __init__(self, a, b=(), c=(), delay=0):
         zero = [Fraction(0)]
@@ -89,7 +89,7 @@ class Quasi:
 
     @classmethod
     def of_numbers(cls, p):
-        """Return the polynomial of ascending coefficients in high precision, as fractions."""
+        """Return an exact polynomial from ascending coefficients in high precision."""
         return cls([fraction(x) for x in p])
 
     def _with(self, work):
@@ -129,7 +129,7 @@ class Quasi:
         return total
 
     def bound(self, center, radius):
-        """Return the upper bound of the magnitude for |w - center| <= radius."""
+        """Return an upper bound of the magnitude for |w - center| <= radius."""
         total = mpf(0)
         for p in self._numbers:
             if any(p):
@@ -154,11 +154,12 @@ class Quasi:
         return out
 
     def leading(self):
-        """Order and coefficient of the first term of the power series."""
+        """Return order and coefficient of the first term of the power series."""
         return next((k, x) for k, x in enumerate(self.series()) if x)
 
     def lowest(self):
-        """Return a w below which only 0 is a zero, since the first term of the series is larger than all others."""
+        """Return a w below which only 0 can be a zero, since the first term of the series exceeds the sum of the
+        others."""
         order, first = self.leading()
         series, w = self.series(), Fraction(1)
         while True:
@@ -167,9 +168,7 @@ class Quasi:
             beyond = sum(abs(x) * w**k for p in (self.b, self.c) for k, x in enumerate(p))
             left_out = 2 * beyond * (self.delay * w) ** TERMS / w**order
             if 2 * self.delay * w < 1 and abs(first) > 2 * (rest + left_out):
-                return number(w) * mpf(
-                    "0.917"
-                )  # intervals then do not end at round numbers, where zeros may lie
+                return number(w) * mpf("0.917")  # intervals do not end at round numbers, where zeros may lie
 
     def zeros(self, end):
         """Return all zeros between 0 and end, both excluded."""
@@ -180,10 +179,10 @@ class Quasi:
         return found
 
     def zeros_between(self, low, high):
-        """Return all zeros between two numbers, which must not be zeros except 0.
+        """Return all zeros between two numbers, which must not be zeros.
 
-        An interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|. If |f'(m)| > r max|f''|,
-        f is monotonic there, and the signs at the ends decide. Otherwise the interval is halved.
+        An interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|. If |f'(m)| > r max|f''|, f
+        is monotonic in it, and the signs at the ends decide. Otherwise the interval is halved.
         """
         first, second = self.slope(), self.slope().slope()
         todo, found = [(low, high)], []

@@ -2,15 +2,15 @@
 
 Equal terms are equal limits of Ms and noise.
 
-The study writes three tables of the package, which `pidalab.benchmark` also reads. Each is resumed where it stopped:
+The study writes three tables of the package, which `pidalab.benchmark` also reads, and continues interrupted ones:
 
 * ``processes.csv``: the plants and those of the frontier, with ultimate gain and period, normalised dead time and
   roll-off;
-* ``comparison.csv``: a row for each plant, rule and terms; if a rule does not apply, its row contains the message;
+* ``comparison.csv``: a row for each plant, rule and terms, with the message if the rule does not apply;
 * ``optima.csv``: the best PI, PID and PIDA of each plant at the same terms.
 
-Run ``python studies/comparison.py rules optima --workers 2``. Without names it computes all three. On one core the
-rules take a quarter of an hour and the optima half an hour.
+Run ``python studies/comparison.py rules optima --workers 2``, or without names for all three. On one core the rules
+take a quarter of an hour and the optima half an hour.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def process_row(name: str, family: str, process: Process) -> list[dict[str, Any]
 
 
 def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
-    """Return the rows of every rule on one plant, as published and at equal terms, with results on changed plants."""
+    """Return the rows of every rule on one plant, with results on changed plants."""
     own = noise_scale(process)
     rows: list[dict[str, Any]] = []
     for rule, kind, make in designs(
@@ -103,7 +103,7 @@ def rule_rows(name: str, process: Process) -> list[dict[str, Any]]:
 def off_the_model(
     row: dict[str, Any], make: Callable[[], Design], process: Process, own: NoiseScale
 ) -> dict[str, Any]:
-    """Return the worst values over changed plants, but none for the terms "quiet"."""
+    """Return the worst values for changed plants, or nothing for the terms "quiet"."""
     if "ms" not in row or row["terms"] == "quiet":
         return {}
     try:
@@ -124,7 +124,7 @@ def optima_rows(name: str, ms: float, process: Process) -> list[dict[str, Any]]:
 
 def main(tables: list[str], workers: int | None) -> None:
     """Continue the tables."""
-    cases = list(batch())[::-1]  # the first plants of the batch, with hardly a lag, take longest
+    cases = list(batch())[::-1]  # the first plants, with hardly a lag, take longest; they start last
     if "processes" in tables:
         plants = [(case.name, case.family, case.process) for case in cases[::-1]]
         plants += [(name, "frontier", process) for name, process in PLANTS.items()]

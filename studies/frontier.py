@@ -1,12 +1,12 @@
 """Compute the least IAE as a function of the limit of noise (the frontier), for PI, PID, PIDA and a higher derivative.
 
-The study writes two tables in book/data, in the units of `own_units`. Each is resumed where it stopped:
+The study writes two tables in book/data, in the units of `own_units`, and continues interrupted ones:
 
 * ``frontier.csv``: thirteen plants of all kinds, orders 0 to 3;
 * ``acceleration_map.csv``: PID and PIDA on second-order plants of three dampings and on three equal lags, all
   with dead time.
 
-Run ``python studies/frontier.py frontier map --workers 2``. Without names it computes both. ``--ms 2`` sets another Ms.
+Run ``python studies/frontier.py frontier map --workers 2``, or without names for both. ``--ms 2`` sets another Ms.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Find the best controllers of the hidden plants, and write the file that the page reads. This takes two minutes.
 
-The page does not show the models, so the file is scrambled against accidental reading. This is no protection.
+The file is scrambled against accidental reading. This is no protection.
 """
 
 import json

@@ -1,22 +1,22 @@
 """Find ITAE-optimal controllers for second-order models with dead time, and fit rules of `pidalab.rules` to them.
 
-The search is a simplex search with the exact simulation. For models of gain 1 and time constant 1 it finds
+A simplex search with the exact simulation finds, for models of gain 1 and time constant 1,
 
 * the PIDA controller of least ITAE, for set-point steps, for load steps, and for load steps with Ms up to 2;
 * for each of these models the best pair of factors f_d, f_a in the rule of heo2023;
 * the PID and PIDA controllers for the models of the paper's Fig. 1, the PID also with a nearly ideal derivative;
-* the best pair of factors by IAE, by ITAE and by their sum, to see to which of these Table 1 of heo2023 was fitted.
+* the best pair of factors by IAE, ITAE and their sum, to see to which of these measures Table 1 of heo2023 was fitted.
 
-The script writes the first three results to book/data/itae_optima.csv and the last to book/data/itae_factors.csv. Then
-it prints the constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors`. This takes
-many hours on one core. If models are given as ``damping,ratio``, it prints only their optima:
-``python studies/itae_optima.py 1,0.5 0.3,2``.
+The first three results are written to book/data/itae_optima.csv, the last to book/data/itae_factors.csv. Then the
+constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors` are printed. This takes
+many hours on one core. ``python studies/itae_optima.py 1,0.5 0.3,2`` prints only the optima of models given as
+``damping,ratio``.
 
-The stored optima of the fit and the validation were found by the same search with a faster simulation of these loops.
-This simulation agrees with the exact one to 1e-4 (to 2e-3 for seven loads with long tails). Every stored ITAE was
-computed with the exact simulation. Searches with this script for six of the optima agreed with the stored parameters
-within 0.3 %. The constants were fitted in the same way. The constants of the two rules for factors were fitted to
-tables of ITAE as a function of f_d and f_a. A full run may change last digits.
+The stored optima of the fit and the validation were found by the same search with a faster simulation, which agrees
+with the exact one to 1e-4 (to 2e-3 for seven loads with long tails). Every stored ITAE was computed with the exact
+simulation. For six optima this script found the stored parameters within 0.3 %. The constants were fitted in the same
+way, those of the two rules for factors to tables of ITAE as a function of f_d and f_a. A full run may change last
+digits.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def unit(plant: Plant) -> pidalab.Process:
 
 
 def value(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, end: float = 100.0) -> float:
-    """Return the ITAE of a unit step, which is infinite for an unstable loop.
+    """Return the ITAE of a unit step, or infinity for an unstable loop.
 
     Doubling the horizon changes the value of a stored optimum by less than 2e-5 (for one load by 1.3e-4). Halving the
     step changes it by less than 6e-5.
@@ -94,7 +94,7 @@ def value(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, end: 
 
 
 def excess(plant: Plant, controller: pidalab.NonInteractivePIDA, bound: float) -> float:
-    """Return the share by which Ms exceeds its bound."""
+    """Return the relative amount by which Ms exceeds its bound."""
     if bound == math.inf:
         return 0.0
     return max(0.0, pidalab.max_sensitivity(pidalab.Loop(unit(plant), controller))[0] / bound - 1)
@@ -109,7 +109,7 @@ def penalised(plant: Plant, controller: pidalab.NonInteractivePIDA, kind: str, b
 def search(
     cost: Callable[[np.ndarray], float], start: Sequence[float] | np.ndarray, size: float, tolerance: float
 ) -> np.ndarray:
-    """Minimise by simplex search. Restart with smaller simplices until there is no improvement."""
+    """Minimise by simplex search, restarted with smaller simplices until there is no improvement."""
     x, best = np.array(start, dtype=float), math.inf
     for scale in (size, size / 3, size / 9):
         simplex = np.vstack([x, x + scale * np.eye(x.size)])
@@ -124,7 +124,7 @@ def search(
 
 
 def optimum(plant: Plant, kind: str, bound: float) -> pidalab.NonInteractivePIDA:
-    """Return the best PIDA controller, searched from the better of two starts: the direct rules for both steps."""
+    """Return the best PIDA controller, searched from the better of the two direct rules."""
     starts = [rule(unit(plant)) for rule, _ in RULES.values()]
     first = min(starts, key=lambda c: penalised(plant, c, kind, bound))
     x = [math.log(v) for v in (first.kc, first.tau_i, first.tau_d, first.tau_a)]
@@ -138,7 +138,7 @@ def optimum(plant: Plant, kind: str, bound: float) -> pidalab.NonInteractivePIDA
 
 
 def best_factors(plant: Plant, kind: str, bound: float) -> itae.Factors:
-    """Return the best pair of factors of heo2023 for one plant, searched from the best of a few starts."""
+    """Return the best pair of factors of heo2023 for one plant."""
     _, rule = RULES[kind]
 
     def cost(pair: np.ndarray) -> float:
@@ -234,7 +234,7 @@ def fit(
 
 
 def on_fit_board(plant: Plant) -> bool:
-    """Return True for every other plant of the grid, as on a chess board, and for the corners."""
+    """Return True for every other plant of the grid, like one colour of a chess board, and for the corners."""
     i, j = DAMPINGS.index(plant[0]), RATIOS.index(plant[1])
     return (i + j) % 2 == 0 or (i in (0, len(DAMPINGS) - 1) and j in (0, len(RATIOS) - 1))
 

@@ -2,8 +2,7 @@
 
 Ms is computed on a grid of models. On models with a known optimum, four numbers are computed for every rule: the ITAE
 divided by the least ITAE, Ms, and for a set-point step the overshoot in per cent and u(0+). The rules and the measures
-are those of book/papers/heo2023.py. The audit of heo2023 computes a tenth of the rows again in each run. The study
-takes a minute on one core::
+are those of book/papers/heo2023.py. The study takes a minute on one core::
 
     python studies/itae_rules.py
 """

@@ -1,4 +1,4 @@
-"""Find the optima from which the search of the lab starts, and optima for the test of the lab.
+"""Find the optima from which the search of the lab starts, and optima for its test.
 
 For each plant of the lab, book/_static/lab/optima.js contains the PI, PID and PIDA with the least IAE after a step of
 the load, within the limits below. tests/lab/least_iae.csv contains the least IAE for 100 random plants, orders and
@@ -41,7 +41,7 @@ def least_iae(process: pidalab.Process, order: int, ms: float, noise: float) -> 
 
 
 def best(process: pidalab.Process, order: int) -> list[float]:
-    """Return kp, ti, td (from order 1), ta (from order 2) and the filter time of an optimum."""
+    """Return kp, ti, td and ta (as far as the order has them), and the filter time of an optimum."""
     controller = least_iae(process, order, MS, NOISE).controller
     ki, kp, *derivatives = controller.coefficients
     values = [kp, kp / ki, *(gain / kp for gain in derivatives), controller.filter_time]
@@ -92,7 +92,7 @@ def random_optima() -> list[list[object]]:
 
 
 def main() -> None:
-    """Find all of them and write the files."""
+    """Find all optima and write the files."""
     designs = {key: [best(process, order) for order in range(3)] for key, process in plants().items()}
     lines = ",\n".join(f'  "{key}": {json.dumps(each)}' for key, each in designs.items())
     text = f"{HEAD.format(ms=MS, noise=NOISE)}{{ noise: {NOISE:g}, designs: {{\n{lines}\n}} }};\n"

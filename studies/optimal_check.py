@@ -1,14 +1,13 @@
 """Compare `pidalab.optimal.load` with a second, independent optimiser on twenty plants.
 
-The second optimiser shares only the exact simulation with the first. It uses no gradients, no grid of filter times and
-no transforms. The range of filter times is divided into bands, so that the search covers the whole range. In each band,
-differential evolution evaluates hundreds of controllers. It applies the limits on a dense grid of frequencies, and uses
-the error of the simulated loop. The simplex method then refines the best controller of each band, with a free filter
-time.
+The second optimiser shares only the exact simulation with `pidalab.optimal.load`. It uses no gradients, no grid of
+filter times and no transforms. The range of filter times is divided into bands. In each band, differential evolution
+evaluates hundreds of controllers, with limits on a dense grid of frequencies and the error of the simulated loop. The
+simplex method then refines the best controller of each band, with a free filter time.
 
-Each plant is a row of book/data/optimal_check.csv, written as soon as it is done. Existing rows are not computed again.
-Plants may be named: ``python studies/optimal_check.py lags3 ipdt``. A plant takes a minute on an idle core. With
-``own`` as the only name, `pidalab.optimal.load` is run again on all plants of the table.
+Each plant is a row of book/data/optimal_check.csv. Existing rows are not computed again. A plant takes a minute on an
+idle core. Plants may be named: ``python studies/optimal_check.py lags3 ipdt``. With ``own`` as the only name, only
+`pidalab.optimal.load` is run again on all plants of the table.
 """
 
 from __future__ import annotations
@@ -38,9 +37,9 @@ LOW, HIGH = (
     np.log([0.005, 0.02, 1e-3, 1e-5]),
     np.log([5.0, 20.0, 10.0, 5.0]),
 )  # gains, in units of the process
-MEMBERS, GENERATIONS = 8, 40  # of each differential evolution: members per unknown, and generations
+MEMBERS, GENERATIONS = 8, 40  # of each differential evolution: members per unknown, generations
 SIMPLEX = 600  # evaluations of the refinement from the best controller of each band
-PENALTY = 100.0  # penalty for a violated limit, as a share of the IAE
+PENALTY = 100.0  # relative increase of the IAE per relative violation of a limit
 PLANTS: dict[str, tuple[Process, float]] = {  # each process has its limit of |C S|
     "lags2": (pidalab.lags(2, delay=0.5), 20.0),
     "lags3": (pidalab.lags(3, delay=1.0), 20.0),
@@ -95,7 +94,7 @@ class Judge:
 
     @staticmethod
     def stable(loop: Loop) -> bool:
-        """Return True if a loop is stable. If its phase turns too often to be followed, it counts as unstable."""
+        """Return True if a loop is stable. Return False if its phase turns too often to be followed."""
         try:
             return pidalab.is_stable(loop)
         except ArithmeticError:
@@ -121,9 +120,7 @@ def second(process: Process, mks: float, seed: int) -> tuple[float, int]:
     kept = NonlinearConstraint(judge.peaks, 0.0, 1.0)
     for band, (low, high) in enumerate(pairwise(BANDS)):
         bounds = [*zip(LOW, HIGH, strict=True), (low, high)]
-        with warnings.catch_warnings(
-            action="ignore", category=UserWarning
-        ):  # differential evolution warns if no member keeps the limits
+        with warnings.catch_warnings(action="ignore", category=UserWarning):  # if no member keeps the limits
             x = differential_evolution(
                 judge.error, bounds, constraints=kept, popsize=MEMBERS, maxiter=GENERATIONS, init="sobol",
                 polish=False, tol=0.0, rng=10 * seed + band,
@@ -146,7 +143,7 @@ def rows() -> list[dict]:
 
 
 def store(found: list[dict]) -> None:
-    """Write the table in the order of the plants. Of two rows for one plant, the later row is kept."""
+    """Write the table in the order of the plants, with the last row for each plant."""
     last = {row["plant"]: row for row in found}
     found = [last[name] for name in PLANTS if name in last]
     with RESULTS.open("w", newline="", encoding="utf-8") as file:

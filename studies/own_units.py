@@ -1,7 +1,7 @@
-"""Plants in units of their own, and tables of studies that can be interrupted and resumed.
+"""Plants in units of their own, and tables of studies that can be interrupted.
 
 A loop can hardly be faster than the ultimate period Pu of its plant, and the gain of its controller can hardly exceed
-the ultimate gain Ku. In these units plants are comparable even if one is a thousand times faster than another:
+the ultimate gain Ku. In these units plants of different speed are comparable:
 
 =================  ===============  ========================================================
 quantity           unit             consequence
@@ -37,7 +37,7 @@ DIGITS = 5
 
 
 def five_digits() -> None:
-    """Compute responses to noise to only five digits in this process, since slow loops take long."""
+    """Compute responses to noise to only five digits, since slow loops take long."""
     sampled.FADED = 1e-7
 
 
@@ -48,7 +48,7 @@ COLUMNS = (*OPTIMUM, *GAINS, *WORST, "active", "reason")
 
 
 def optimum(name: str, process: Process, order: int, ms: float, noise: float) -> dict[str, Any]:
-    """Return the least IAE within both limits as a row in units of the plant, or the reason why there is none."""
+    """Return a row with the least IAE within both limits, in units of the plant, or with the reason of failure."""
     own = noise_scale(process)
     row: dict[str, Any] = {"plant": name, "order": order, "ms_limit": ms, "noise_limit": noise}
     try:
@@ -121,7 +121,7 @@ def resume(
 ) -> None:
     """Compute the tasks that are not in the file yet, on all cores. Write the rows of each task when it is done.
 
-    The values of the columns `key` identify a task, which begins with them.
+    A task begins with the values of the columns `key`, which identify it.
     """
     from tqdm import tqdm
 

@@ -24,7 +24,7 @@ HEAD = """\
 
 
 def step_record() -> str:
-    """Return the record of the heater, which steps from 30 % to 40 %. The temperature is read every 0.2 s."""
+    """Return the record of the heater."""
     t = SAMPLE * np.arange(round(LENGTH / SAMPLE) + 1)
     u = np.where(t < STEP_AT, 30.0, 40.0)
     run = pidalab.simulate(pidalab.Loop(HEATER, 0.0), t, load=u - 30.0)
@@ -34,7 +34,7 @@ def step_record() -> str:
 
 
 def plant_record(seed: int = 0) -> str:
-    """Return the file of the historian as text. The valve moves from 40 to 47 % after 37 s. `seed` sets the noise."""
+    """Return the file of the historian as text. `seed` sets the noise."""
     rng, fine = np.random.default_rng(seed), np.linspace(0.0, 400.0, 8001)
     t = 1000.0 + np.cumsum(rng.uniform(0.6, 1.4, 330))
     t = t[(t < 1150.0) | (t > 1162.0)]

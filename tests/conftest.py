@@ -1,4 +1,4 @@
-"""Set up all tests: modules imported by name, compiled kernels, the order of tests, a random choice of long ones."""
+"""Set up all tests: imports, compiled kernels, the order of tests, and a random choice of long tests."""
 
 import gc
 import os
@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-# every process of the tests waits for the compiled code and uses it
+# Every process of the tests waits for the compiled code.
 os.environ.setdefault("PIDALAB_COMPILE", "1")
-# pytest's importlib mode adds no path
+# The importlib mode of pytest adds no path.
 sys.path[:0] = [
     str(ROOT / "tests" / folder)
     for folder in ("oracle", "lab", "digital", "site", "fuzz", "outputs", "papers")
 ]
-# this folder comes last, since tools/site.py has the name of a module of Python
+# The path of tools comes last, since tools/site.py has the name of a module of Python.
 sys.path += [str(ROOT / "tools"), str(ROOT / "oracles")]
 
 # Files of long tests, the longest first. They take three quarters of the time.
@@ -40,7 +40,7 @@ LONG = (
     "tests/test_readme.py",
     "book/learn/when-it-pays.ipynb",  # its search takes half a minute
 )
-# A random selection of one in DRAW of the long tests runs. The environment passes its seed to the workers.
+# A random selection of 1/DRAW of the long tests runs. The environment passes its seed to the workers.
 DRAW = int(os.environ.get("DRAW", "1"))
 os.environ.setdefault("DRAW_SEED", str(random.SystemRandom().randrange(10**6)))
 
@@ -59,7 +59,7 @@ def pytest_configure(config):
 
 
 def pytest_report_header():
-    """Print which share of the long tests runs, and how to repeat the random selection."""
+    """Print the share of the long tests that runs, and how to repeat the random selection."""
     if DRAW > 1:
         again = f"DRAW={DRAW} DRAW_SEED={os.environ['DRAW_SEED']}"
         return f"of the long tests one in {DRAW} is drawn ({again} repeats it, DRAW=1 runs all)"
@@ -80,7 +80,7 @@ def drawn(item):
 
 @pytest.hookimpl(tryfirst=True)  # before another plugin shuffles them
 def pytest_collection_modifyitems(config, items):
-    """Choose the tests to run, and put long files first: a long file that starts last leaves the other workers idle."""
+    """Choose the tests to run. Put long files first: if one starts last, it leaves the other workers idle."""
     if DRAW > 1:
         run = {item for item in items if drawn(item)}
         config.hook.pytest_deselected(items=[item for item in items if item not in run])
@@ -89,12 +89,12 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection():
-    """Switch the garbage collector off: collection makes half a million objects, and all of them stay."""
+    """Switch the garbage collector off while tests are collected, which makes half a million lasting objects."""
     gc.disable()
 
 
 def pytest_collection_finish():
-    """Let the garbage collector run rarely and for new objects only. Otherwise it would take a tenth of the time."""
+    """Let the garbage collector run rarely and for new objects only, which saves a tenth of the time."""
     gc.freeze()
     gc.set_threshold(100_000, 20, 100)
     gc.enable()

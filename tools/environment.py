@@ -1,7 +1,7 @@
 """Make `.venv` from the locked requirements: ``python tools/environment.py``. ``--dev`` adds what tests and tools need.
 
-The script needs only Python, on any system. Every package is verified by its hash. `uv` is several times faster than
-pip, and is installed from the lock file. If it cannot be installed, pip is used.
+The script needs only Python. Every package is verified by its hash. Packages are installed by `uv`, which is several
+times faster than pip, or by pip if `uv` cannot be installed.
 """
 
 import os
@@ -60,7 +60,7 @@ def main(which: str) -> None:
     if not pip("--no-deps", "--no-build-isolation", "--editable", ROOT):
         sys.exit("pidalab itself could not be installed: see what pip says above")
     (FOLDER / f".{which}").touch()
-    if not (FOLDER / ".book").exists():  # the tools include what the book needs
+    if not (FOLDER / ".book").exists():  # the dev packages include those of the book
         (FOLDER / ".book").touch()
     print(f"{PYTHON.relative_to(ROOT)} has what {'tests and tools' if which == 'dev' else 'the book'} need")
 

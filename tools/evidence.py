@@ -1,6 +1,6 @@
 """Fill the tables of the page *How we know* from data files while the site is built.
 
-A line ``<!-- evidence: name -->`` is replaced by the table of this name. Nothing is stored, so tables are current.
+A line ``<!-- evidence: name -->`` is replaced by the table of this name.
 """
 
 import json
@@ -28,7 +28,7 @@ def table(head: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
 
 
 def read(name: str) -> pd.DataFrame:
-    """Read a table as text. Lines that begin with # name its source and are skipped."""
+    """Read a table as text, without the lines that begin with #."""
     lines = (DATA / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     text = "".join(line for line in lines if not line.startswith("#"))
     return pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
@@ -47,7 +47,7 @@ def oracles() -> str:
 
 
 def engine() -> str:
-    """List the largest error of each method over all loops, at the best setting of the method."""
+    """List the largest error of each method over all loops, with the best setting for each loop."""
     rows = read("engine_comparison").query("error != ''").astype({"error": float})
     best = rows.groupby(["m", "n", "te", "method"], sort=False)["error"].min()
     worst = best.groupby("method", sort=False).max()
@@ -57,7 +57,7 @@ def engine() -> str:
 
 
 def optima() -> str:
-    """Compare the optimiser with a search that shares only the simulation with it."""
+    """Compare the optimiser with an independent search."""
     ratios = read("optimal_check")["ratio"].astype(float)
     found = [
         ("plants", ratios.size),

@@ -1,4 +1,4 @@
-"""Use an installed pidalab with only its dependencies, outside a clone and without tests.
+"""Use an installed pidalab with only its dependencies, outside a clone.
 
 `tools/release.py` runs this file with the interpreter of an empty environment, in an empty folder.
 """

@@ -1,6 +1,6 @@
 """Tune controllers for public plant records in a folder, and write the results as a table.
 
-foreign.toml lists the records with their sources and columns. The records are not part of this repository.
+foreign.toml lists the records with their sources and columns.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def read(path: Path, options: dict[str, Any]) -> pidalab.Record:
 
 
 def tried(path: Path, options: dict[str, Any], kind: str) -> dict[str, object]:
-    """Read, fit and tune. Return the results, or the reason of a refusal."""
+    """Read a record, fit a model and tune. Return the results, or the reason of a refusal."""
     row: dict[str, object] = {}
     try:
         record = read(path, options)

@@ -1,8 +1,8 @@
 """Make the figure of the first page, which shows the benefit of acceleration and its cost in noise.
 
-It compares PI, PID and PIDA controllers for one plant, all with the same maximum sensitivity. Each controller has the
-least IAE after a load step for some limit of the relative noise gain. The reader sets this limit with a slider. Readers
-without JavaScript see the image. The study of 134 plants has the same conditions. Its medians are also shown.
+It compares PI, PID and PIDA controllers for one plant, all with the same maximum sensitivity and with the least IAE
+after a load step. The reader sets the limit of the relative noise gain with a slider, or sees an image without
+JavaScript. The medians of the study of 134 plants, which has the same conditions, are also shown.
 """
 
 import json
@@ -18,7 +18,7 @@ from pidalab import plots
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 sys.path.insert(0, str(BOOK / "across"))
-import tables  # noqa: E402  # the threshold and the medians of the page on all plants
+import tables  # noqa: E402  # has the threshold and the medians of the study
 
 PAGE = BOOK / "intro.md"
 MS, NOISE, END, SHOWN = 1.4, 0.02, 25.0, 1.5
@@ -33,19 +33,19 @@ ALT = (
 
 
 def units() -> tuple[float, float]:
-    """Return the ultimate gain of the plant, and the sample time of the noise (a hundredth of the ultimate period)."""
+    """Return the ultimate gain of the plant and the sample time of the noise."""
     point = pidalab.rules.classical.ziegler_nichols_ultimate(PROCESS)
     return point.ultimate_gain, point.ultimate_period / 100
 
 
 def medians() -> dict[str, list[float]]:
-    """Return by how many per cent acceleration reduces the IAE, as medians over the plants of the study."""
+    """Return the median reduction of the IAE by acceleration in the study, in per cent."""
     saves = tables.pays().groupby("terms")["saves"].median()
     return {term: [limit, round(100 * saves[term], 1)] for term, limit in tables.NOISE.items()}
 
 
 def found() -> dict:
-    """Search the optima, and return the data of the page with six digits."""
+    """Search the optima. Return the data of the page."""
     gain, sample = units()
     state = {"ms": MS, "end": END, "sample": float(f"{sample:.6g}"), "noise": NOISE, "limits": LIMITS}
     for kind, order in ORDERS.items():

@@ -1,8 +1,8 @@
 """Run the notebooks as the least capable x86-64 processor would run them.
 
-Each library chooses instructions at run time, and these determine its rounding. This script restricts the choice.
-OpenBLAS uses its oldest kernels, NumPy dispatches no features, numba compiles for a generic processor, and the C
-library uses no fused multiplication.
+Each library chooses instructions at run time, and these determine its rounding. With this script OpenBLAS uses its
+oldest kernels, NumPy dispatches no features, numba compiles for a generic processor, and the C library uses no fused
+multiplication.
 """
 
 import json
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FEATURES = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
 ASKED = {"OPENBLAS_CORETYPE": "Nehalem", "NUMBA_CPU_NAME": "generic"}
 ASKED |= {"NPY_DISABLE_CPU_FEATURES": FEATURES} if FEATURES else {}
-# This prints the effective settings, under the names of the variables that request them.
+# Print the effective settings, under the names of the variables that request them.
 PROBE = """
 import json, os
 import numba, numpy, scipy.linalg

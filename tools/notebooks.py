@@ -1,8 +1,8 @@
 """Execute the notebooks of the book in parallel, and store their outputs in place.
 
-Nothing is stored that changes between runs or machines, such as time stamps or the Python version. So a second run
-changes no file. The old and new text of each changed output is printed. Read these changes before you commit. If paths
-are given as arguments, only these notebooks are run.
+Nothing is stored that changes between runs or machines, so a second run changes no file. The old and new text of each
+changed output is printed. Read these changes before you commit. If paths are given as arguments, only these notebooks
+are run.
 """
 
 import difflib
@@ -56,13 +56,13 @@ def texts(notebook: Any) -> Iterator[str]:
 
 
 def changes(before: list[str], after: list[str]) -> str:
-    """Return the lines that differ, with - before old lines and + before new lines."""
+    """Return the lines that differ, as a diff."""
     lines = list(difflib.unified_diff(before, after, lineterm="", n=0))[2:]
     return "\n".join(f"    {line}" for line in lines if not line.startswith("@@"))
 
 
 def notebooks(folder: Path) -> list[Path]:
-    """Return every notebook below a folder. Audits and large notebooks come first, so that no long one runs last."""
+    """Return the notebooks below a folder. Audits and large notebooks come first, so that no long one runs last."""
     found = [path for path in folder.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     return sorted(found, key=lambda path: (path.parent.name == "audit", path.stat().st_size), reverse=True)
 

@@ -1,7 +1,7 @@
 """Build the source archive and the wheel, then install the wheel into an empty environment and use it.
 
-The environment contains only the wheel and its dependencies in the locked versions. So the check fails if the wheel
-lacks a module, or if pyproject.toml lacks a dependency.
+The dependencies have the locked versions. The check fails if the wheel lacks a module, or if pyproject.toml lacks a
+dependency.
 """
 
 import os
@@ -37,7 +37,7 @@ def committed() -> str:
 
 
 def missing(wheel: Path, archive: Path) -> list[str]:
-    """List the modules of the library that one of the two files lacks, and other files in the wheel."""
+    """List the modules that one of the two files lacks, and other files in the wheel."""
     kinds = {".py", ".pyi", ".typed", ".j2", ".csv", ".txt"}
     paths = [path for package in PACKAGES for path in package.rglob("*") if path.suffix in kinds]
     own = {path.relative_to(ROOT / "src").as_posix() for path in paths}
@@ -84,7 +84,7 @@ def use(wheel: Path) -> None:
 
 
 def main() -> int:
-    """Return 1 if a file is incomplete. If the use of the wheel fails, an error is raised."""
+    """Return 1 if a file is incomplete."""
     archive, wheel = build()
     if wrong := missing(wheel, archive):
         print("\n".join(wrong), file=sys.stderr)

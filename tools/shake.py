@@ -1,9 +1,9 @@
 """Run every page of the book with a slightly changed library, and check that its results change, too.
 
-If a number does not change, it was copied, it is a whole number, or a formula of the page computed it. In the last two
-cases its row says so in ``made``. Printed numbers change a thousand times less. A number that changes as little was
-computed from printed numbers alone. In a first run, the library is exact and only printed numbers change.
-In this run, numbers with the basis *computed* must not change.
+A number that does not change was copied, is a whole number, or was computed by a formula of the page. In the last two
+cases its row says so in ``made``. Printed numbers change a thousand times less than the library. A number that changes
+as little was computed from printed numbers alone. In a first run only printed numbers change. In this run, numbers with
+the basis *computed* must not change.
 
     python tools/shake.py                    # all papers
     python tools/shake.py huba2018           # one paper
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def process(found: Any, off: Off) -> Any:
-    """Change gain, dead time and unit of time of a process. This keeps multiple poles together."""
+    """Change gain, dead time and unit of time of a process. Multiple poles stay together."""
     gain, delay, unit = off(1.0, "gain"), off(found.delay, "delay"), off(1.0, "unit")
     num, den = ([c * unit**k for k, c in enumerate(reversed(part))][::-1] for part in (found.num, found.den))
     return type(found)([gain * c for c in num], den, delay)
@@ -64,7 +64,7 @@ LIBRARY = Shaker(
 
 
 def main(arguments: list[str]) -> int:
-    """Run the pages of some papers with a changed library. Return 0 if every row changes or says why it does not."""
+    """Run the pages with a changed library. Return 0 if every row changes or says why it does not."""
     if not sys.flags.optimize:  # -O turns off assertions about digits in pages and their modules
         fixed = {"OPENBLAS_NUM_THREADS": "1", "PIDALAB_COMPILE": "1", "PYTHONWARNINGS": "ignore"}
         return subprocess.call([sys.executable, "-O", __file__, *arguments], env=os.environ | fixed)

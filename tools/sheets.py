@@ -1,7 +1,7 @@
 """Write the tasks of the built site as sheets for printing: without answers, with answers, and for the teacher.
 
-A browser prints the sheets. `tasks.html` has space to write, `tasks-answers.html` has the worked answers, and
-`tasks-teacher.html` also has the hints and the replies to known wrong answers.
+`tasks.html` has space to write, `tasks-answers.html` has the worked answers, and `tasks-teacher.html` also has the
+hints and the replies to known wrong answers.
 """
 
 import json
@@ -55,7 +55,7 @@ def entered(slip: dict) -> str:
 
 
 def said(data: dict) -> list[tuple[str, str]]:
-    """List the known wrong answers of a task, with the replies of the page."""
+    """List the known wrong answers of a task with their replies."""
     names = [item["name"] for item in data.get("items", [])]
     slips = []
     for slip in data.get("slips", []):
@@ -66,7 +66,7 @@ def said(data: dict) -> list[tuple[str, str]]:
 
 
 def on_paper(soup: BeautifulSoup, task: Tag, shown: tuple[str, ...]) -> Tag:
-    """Prepare a task for a sheet, on which only some of its parts are shown."""
+    """Prepare a task for a sheet that shows only some of its parts."""
     task = copy(task)
     data = json.loads(task.script.string)
     for gone in task.select("script, .headerlink"):
@@ -99,7 +99,7 @@ def _with_text(soup: BeautifulSoup, name: str, text: str, kind: str = "") -> Tag
 
 
 def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
-    """Return the document of one kind of sheet. Of the scripts in the head of a page, it keeps those for formulas."""
+    """Return the document of one kind of sheet. Of the scripts of a page, it keeps only those for formulas."""
     soup = BeautifulSoup((SITE / "book" / "intro.html").read_text(encoding="utf-8"), "html.parser")
     for script in soup.select("script"):
         if "MathJax" in script.get_text() or "mathjax" in script.get("src", ""):

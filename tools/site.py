@@ -1,7 +1,7 @@
 """Build the site: Jupyter Book writes the pages from the stored outputs of the notebooks, then tasks become sheets.
 
-No notebook runs here. `make test` runs each notebook and compares the results with the stored outputs. `make notebooks`
-runs the notebooks and stores their outputs. The site is built from a copy, so that the work tree does not change.
+No notebook runs here. `make test` compares the notebooks with their stored outputs, and `make notebooks` stores new
+outputs. The site is built from a copy, so that the work tree does not change.
 """
 
 import os

@@ -1,7 +1,7 @@
 """Write a notice of the third-party files in the built site, with the text of each licence.
 
-`vendored.toml` lists projects with their files and licences. It is an error if a file of the site belongs to no
-project, or if a project has no files.
+`vendored.toml` lists projects with their files and licences. Each file of the site must belong to a project, and each
+project must have files.
 """
 
 import re
@@ -14,7 +14,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "tools" / "vendored.toml"
-# A line with its SPDX name precedes each text. The copyright lines are left out, since they differ between projects.
+# A line with its SPDX name precedes each text. The texts have no copyright lines, which differ between projects.
 TEXTS = ROOT / "tools" / "licences.txt"
 LINKED = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/legalcode"}  # needs only a link
 SITE = ROOT / "_build" / "html"
@@ -37,7 +37,7 @@ def texts() -> dict[str, str]:
 
 
 def carried(site: Path) -> list[str]:
-    """List the files in _static of the site that are not in book/_static, and those in book/_static/vendor."""
+    """List the third-party files of the site: those not in book/_static, and those in book/_static/vendor."""
     own = {path.relative_to(ROOT / "book").as_posix() for path in (ROOT / "book" / "_static").rglob("*")}
     own = {name for name in own if not name.startswith("_static/vendor/")} | {"_static/sections.js"}
     found = (path.relative_to(site).as_posix() for path in (site / "_static").rglob("*") if path.is_file())
@@ -69,7 +69,7 @@ def claims(row: Component, name: str) -> bool:
 
 
 def release(row: Component, site: Path) -> str:
-    """Return the version of the package with the files, or the given version, or the version found in a file."""
+    """Return the version of the installed package, or the version given in the table, or that found in a file."""
     where = row.get("version")
     if where is None:
         return version(row["purl"].removeprefix("pkg:pypi/"))

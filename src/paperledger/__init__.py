@@ -1,6 +1,6 @@
 """Compare the printed numbers and statements of papers with computed ones.
 
-A file ``book/ledger/<paper>.csv`` has one row for each claim. The pages of the paper compute results and pass them::
+A file ``book/ledger/<paper>.csv`` has a row for each claim. The pages of the paper compute results and pass them::
 
     from paperledger import Ledger
 
@@ -18,13 +18,12 @@ A run raises an error if
 
 Verdicts are
 
-* ``reproduced``, ``last-digit``, ``approximate``, which follow from the two numbers (see `derive`);
-* ``holds``, ``fails``, which follow from the inequality of two computed numbers that decides a statement;
+* ``reproduced``, ``last-digit``, ``approximate``, which follow from the printed and computed number (see `derive`);
+* ``holds``, ``holds-in-part``, ``fails``, which follow from the inequalities that decide a statement;
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``, which a person declares with the reason in the note.
 
 The basis of a row is the origin of its value: the paper's problem (``computed``), the paper's problem with settings
-that were fitted to these printed numbers (``fitted``), other printed results (``from-print``), or reading alone
-(``reading``).
+that were fitted to printed numbers (``fitted``), other printed results (``from-print``), or reading (``reading``).
 
 ``python -m paperledger update haalman2024`` runs the pages of a paper, stores the results and prints the changes.
 ``--help`` lists the other commands.

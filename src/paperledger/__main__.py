@@ -1,11 +1,11 @@
 """Maintain the ledgers in ``book/ledger``: python -m paperledger COMMAND ...
 
-new KEY           write the files of a new paper, and list the files that should name it
+new KEY           write the files of a new paper, and list files that should name it
 update KEY ...    run the pages of papers and store their results
 show KEY ...      print ledgers, with printed and computed numbers
-check             validate all ledgers, print their scores, and list files that should name a paper
+check             validate all ledgers, print their scores, and list files that should name a paper but do not
 manifest          store all claims, and print changes; review them line by line
-shake LIBRARY KEY ...  run pages while the package returns slightly wrong numbers, and check that each row changes
+shake LIBRARY KEY ...  run pages while LIBRARY returns slightly wrong numbers, and check that each row changes
 readme FILE ...   update the score in Markdown files
 """
 
@@ -51,7 +51,7 @@ def run(command: str, names: Sequence[str]) -> None:
             changes = freeze()
             print(*changes, f"manifest: {'rewritten' if changes else 'up to date'}", sep="\n")
         case "shake":
-            # Importing numpy is slow, and only this command needs it.
+            # Only this command imports numpy, which is slow.
             from paperledger.shake import Shaker, shake
 
             if not names:

@@ -24,7 +24,7 @@ MARKS = {"last-digit": "°", "approximate": "~", "differs": "†", "misprint": "
 class Ledger:
     """Printed numbers and statements of one paper, to be compared with computed ones.
 
-    An id may omit the key of the paper, as ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
+    The key of the paper may be omitted in an id: ``ex1.pida.kp`` for ``haalman2024.ex1.pida.kp``.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Ledger:
     rows : sequence of Row
         The rows of the file.
     page : str, optional
-        The notebook that uses the ledger. By default the chapter, which is named after the paper.
+        The notebook that uses the ledger, by default the chapter, which is named after the paper.
     words : mapping of str to str, optional
         The paper's notation for ids or parts of ids. The labels in the table of `compare` use it.
 
@@ -44,7 +44,7 @@ class Ledger:
     rows : dict of str to Row
         Rows by id, in the order of the file.
     fresh : dict of str to Row
-        Rows that the page has handed over, with the new values.
+        Rows that the page has handed over so far, with the new values.
     refused : list of str
         The errors so far. `close` raises them again, so a page cannot suppress them.
 
@@ -63,7 +63,7 @@ class Ledger:
     """
 
     _recorded: ClassVar[list["Ledger"] | None] = None  # ledgers that `recording` collects
-    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # the printed entry for pages
+    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # returns the printed entry that pages read
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class Ledger:
             Key of the paper, such as ``haalman2024``.
         page : str, optional
             The notebook that opens the ledger, as a path below ``book`` without suffix, such as ``audit/haalman2024``.
-            By default the chapter, which is named after the paper. `close` checks the rows of the given page.
+            By default the chapter. `close` checks the rows of this page.
         folder : path, optional
             Folder of the csv files. By default ``book/ledger``, searched upward from the current directory.
         words : mapping of str to str, optional
@@ -144,16 +144,15 @@ class Ledger:
         Returns
         -------
         pandas.DataFrame
-            Entries ``printed / computed``. The last part of an id selects the column, and the parts before it
-            select the row. A mark shows the verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read,
+            Entries ``printed / computed``. The last part of an id is the column, and the parts before it are the row.
+            A mark shows the verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read,
             and ``†`` differs.
 
         Raises
         ------
         LedgerError
-            With a line for every value that is wrong. A value is wrong if its id is unknown, if it is not finite or
-            differs from the stored value, if it gives another verdict than the stored one, or if it agrees although a
-            disagreement was declared.
+            With a line for each wrong value. A value is wrong if its id is unknown, if it is not finite, if it differs
+            from the stored value or changes the verdict, or if it agrees although a disagreement was declared.
 
         Examples
         --------
@@ -191,7 +190,7 @@ class Ledger:
         Parameters
         ----------
         id : str
-            An id without the key of the paper. Any other label is returned unchanged.
+            An id without the key of the paper. Other labels are returned unchanged.
 
         Returns
         -------
@@ -208,15 +207,15 @@ class Ledger:
         return ", ".join(self.words.get(part, part) for part in parts)
 
     def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
-        """Decide a statement with numbers of this run and the relation in its row.
+        """Decide a statement with numbers of this run, by the relation in its row.
 
         Parameters
         ----------
         id : str
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Left and right side for each case. The worst case decides, or the best if the relation says *some*. For a
-            single case, a pair is enough. For an identity, give residuals instead of pairs. ``==`` requires integers.
+            Left and right side for each case, or one pair for a single case. The worst case decides, or the best if the
+            relation says *some*. An identity takes residuals instead of pairs. ``==`` requires integers.
         digits : int, optional
             As in `compare`.
 
@@ -228,7 +227,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            If a side is not a number of the kind that the relation compares, or as in `compare`.
+            As in `compare`, or if a side is not a number of the kind that the relation compares.
 
         Examples
         --------
@@ -245,7 +244,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # If a run only records, for example with a slightly wrong library, the verdict of a case may change.
+                # A run that only records, such as one with a slightly wrong library, may change the verdict of a case.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -258,22 +257,24 @@ class Ledger:
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:
-        """Return the row of an id. Check that the row takes this kind of value."""
+        """Return the row of an id, after checking that it takes this kind of value."""
         row = self.row(id)
         if row.basis == "reading":
-            raise LedgerError(f"{row.id}: its basis is reading, so nothing computed belongs there")
+            raise LedgerError(f"{row.id}: its basis is reading, so the row takes no computed value")
         if row.is_statement != statement:
-            raise LedgerError(f"{row.id}: a printed number takes book.compare, a statement book.decide")
+            raise LedgerError(
+                f"{row.id}: pass a printed number to book.compare, and a statement to book.decide"
+            )
         if digits < DIGITS and "digits" not in row.note:
             raise LedgerError(
-                f"{row.id}: kept to {digits} digits; the note must say why, with the word 'digits'"
+                f"{row.id}: only {digits} digits are kept; the note must say why, with the word 'digits'"
             )
         return row
 
     def _take(self, fresh: Row) -> Row:
         """Store a row that the page has handed over, unless it disagrees with the file. Return the row to show.
 
-        If the row agrees, the stored value is shown and decides the verdict, so noise never changes a verdict.
+        A row that agrees is shown with its stored value and verdict, so rounding noise never changes a verdict.
         """
         row = self.rows[fresh.id]
         with naming(row.id):
@@ -294,7 +295,7 @@ class Ledger:
         return kept
 
     def row(self, id: str) -> Row:
-        """Return a row, with its printed number and the precision of that number.
+        """Return a row.
 
         Parameters
         ----------
@@ -322,7 +323,7 @@ class Ledger:
         return self.rows[full]
 
     def printed(self, id: str) -> float:
-        """Return a printed number, for computations that start from printed results.
+        """Return a printed number, for a computation that starts from it.
 
         Parameters
         ----------
@@ -353,12 +354,12 @@ class Ledger:
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """End a page: check that every row of the page was passed and none was refused, and print the score.
+        """Check that the page has passed all its rows and none was refused, and print the score.
 
         Raises
         ------
         LedgerError
-            With the ids that were not passed, and all errors, including those that the page suppressed.
+            With all ids that were not passed and all errors, including errors that the page suppressed.
 
         Examples
         --------
@@ -407,13 +408,13 @@ class Ledger:
         return display.scorebar(self.paper, display.score(self.rows.values()), legend=True)
 
     def index(self) -> Display:
-        """List each printed item, such as a table, with the place where the book computes it, and the result.
+        """List each printed item, such as a table, with its place in the book and the result.
 
         Returns
         -------
         Display
-            A line for each printed item with numbers, and one line for the statements of each page, in the order of the
-            file. Each line links to the heading that names the item.
+            A line for each printed item with numbers, and a line for the statements of each page. Each line links to
+            the heading that names the item.
 
         Examples
         --------
@@ -433,7 +434,7 @@ class Ledger:
         Parameters
         ----------
         *prefixes : str
-            Beginnings of ids, without the key of the paper. By default all rows are shown.
+            Beginnings of ids, by default all ids.
 
         Returns
         -------
@@ -465,7 +466,7 @@ class Ledger:
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
     """Let ledgers that are opened in this context store values without comparing them. Yield the list of these ledgers.
 
-    As the printed entry of a row, pages read what the function `printed` returns for it.
+    The function `printed` returns the printed entry of a row, as the pages read it.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
@@ -508,7 +509,7 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     Returns
     -------
     dict of str to Ledger
-        Ledgers by key of the paper, in alphabetical order. A paper without a file is absent.
+        Ledgers by key of the paper, in alphabetical order.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from html import escape
 from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
-GROUPS = {  # rows computed from the paper's problem are counted by verdict, all others by basis
+GROUPS = {  # rows computed from the paper's problem are counted by verdict, other rows by basis
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to printed values": {
         "fitted-agrees": "agree, settings fitted",
@@ -26,7 +26,7 @@ GROUPS = {  # rows computed from the paper's problem are counted by verdict, all
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
 BASIS = {"fitted": "settings fitted", "from-print": "from printed values", "reading": "by reading"}
-# These match a letter, capitals or a bracket with index or exponent, as in K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
+# A letter, capitals or a bracket with index or exponent, as in K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
     rf"((?<![A-Za-z])[a-z][\u0300-\u036f]?|[A-Z][\u0300-\u036f]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?"
@@ -41,7 +41,7 @@ class Display:
     Parameters
     ----------
     html : str
-        A fragment of HTML. Equal contents give equal fragments.
+        A fragment of HTML.
     text : str
         Text for a terminal.
 
@@ -63,7 +63,7 @@ class Display:
 
 @dataclass(frozen=True)
 class Cell:
-    """Entry of a table, with text, HTML, class of the HTML cell, and number of columns."""
+    """Entry of a table: text, HTML, class of the HTML cell, and number of columns that it spans."""
 
     text: str
     html: str
@@ -72,7 +72,7 @@ class Cell:
 
 
 def markup(text: str) -> str:
-    """Escape plain text, and typeset its symbols with indices, exponents and italic letters.
+    """Escape plain text, and typeset its symbols that have an index or exponent.
 
     >>> markup("K_-1 of PID_2^2 < 3")
     '<i>K</i><sub>−1</sub> of PID<sub>2</sub><sup>2</sup> &lt; 3'
@@ -98,7 +98,7 @@ def words(text: str) -> Cell:
 
 
 def number(text: str) -> Cell:
-    """Make a cell of a number, which has the alignment of numbers."""
+    """Make a cell of a number, with the class for numbers."""
     return Cell(text, escape(text).replace("-", "−"), "number")
 
 
@@ -109,7 +109,7 @@ def grid(
     heading: int = 0,
     notes: Sequence[str] = (),
 ) -> Display:
-    """Make a table, with an HTML class, from rows of cells. A terminal shows notes to the right of the rows.
+    """Make a table of the class ``ledger-<kind>`` from rows of cells. A terminal shows `notes` to the right of them.
 
     >>> grid("demo", ["rule", "gain"], [[words("SIMC"), number("1.5")]])
     rule  gain
@@ -130,7 +130,7 @@ def grid(
 
 
 def _entry(cell: Cell, column: str, heading: bool) -> str:
-    """Return a cell as HTML. On a phone a row becomes a block, so a number has the heading of its column as a label."""
+    """Return a cell as HTML. A number has its column as a label, since on a phone a row becomes a block."""
     tag, scope = ("th", ' scope="row"') if heading else ("td", "")
     span = f' colspan="{cell.span}"' if cell.span > 1 else ""
     label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
@@ -138,7 +138,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 
 def verdict(row: Row) -> Cell:
-    """Make a cell of a verdict, with the basis unless the row is computed from the paper's problem."""
+    """Make a cell of a verdict, with the basis unless it is ``computed``."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, "")
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:
@@ -175,7 +175,7 @@ def evidence(row: Row, span: int = 1) -> Cell:
 
 
 def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Display:
-    """Show rows with the difference of a number in units of its last printed place, or the evidence of a statement.
+    """Show rows. A number has its difference in units of the last printed place, a statement its evidence.
 
     With `why` a column of notes replaces the verdicts. Otherwise each claim unfolds to its note.
     """
@@ -236,7 +236,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS holds the plurals of first words.
+# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS has plurals of first words.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 
@@ -266,7 +266,7 @@ def outcome(rows: Sequence[Row]) -> str:
 
 
 def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]]) -> Display:
-    """Show each printed item, the heading under which it is shown, and the result."""
+    """Show each printed item with its heading in the book and the result."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in sorted(rows, key=lambda row: row.is_statement):
         key = ("statements", row.page) if row.is_statement else (row.where, "")

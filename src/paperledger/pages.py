@@ -20,9 +20,9 @@ def _title(book: Ledger) -> str:
 
 
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
-    """Return the scores of all papers and of each paper, and the lines of their table (kind or None, words, counts).
+    """Return the scores of all papers and of each paper, and the lines of their table: kind, words, counts.
 
-    A line without a kind is the sum of the following lines. The total comes first, so that a narrow screen shows it.
+    A line with an empty kind is the sum of the lines that follow. The total comes first, for narrow screens.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}
@@ -74,7 +74,7 @@ def scoreboard(folder: Path | str | None = None) -> Display:
 
 
 def every_row(folder: Path | str | None = None) -> Display:
-    """Show every row of every ledger with an anchor. Fold the rows by paper, and link to chapter and audit.
+    """Show every row of every ledger with an anchor, folded by paper, with links to chapter and audit.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def every_row(folder: Path | str | None = None) -> Display:
     Returns
     -------
     Display
-        The rows. A terminal shows the scores.
+        The rows; in a terminal, the scores.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def errata(verdict: str, folder: Path | str | None = None) -> Display:
 
 
 def score_markdown(folder: Path | str | None = None) -> str:
-    """Return the score as a Markdown table between the two comments that `write_score` finds.
+    """Return the score as a Markdown table between the comments that `write_score` finds.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
     Parameters
     ----------
     path : path
-        A file with one block from ``<!-- score -->`` to ``<!-- /score -->``.
+        A file with a block from ``<!-- score -->`` to ``<!-- /score -->``.
     folder : path, optional
         As in `load_all`.
 
@@ -218,7 +218,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
 
 
 def claims(folder: Path | str | None = None) -> str:
-    """Return the text of the manifest, which contains the reviewed entries of each row of a folder."""
+    """Return the text of the manifest, the reviewed entries of all rows of a folder."""
     return table(FROZEN, [_frozen(row) for book in load_all(folder).values() for row in book.rows.values()])
 
 
@@ -234,12 +234,12 @@ def _frozen(row: Row) -> Sequence[str]:
 
 
 def freeze(folder: Path | str | None = None) -> list[str]:
-    """Write the manifest. Return the changed lines, with - before old lines and + before new lines.
+    """Write the manifest. Return the changed lines: old lines after -, new lines after +.
 
     Raises
     ------
     LedgerError
-        If an id is missing and ``removed.csv`` gives no reason. Nothing is written in this case.
+        If an id is missing and ``removed.csv`` gives no reason. Then nothing is written.
     """
     place = find_folder(folder)
     file, text, reasons = place / MANIFEST, claims(place), removed(place)

@@ -16,11 +16,11 @@ from paperledger import verdicts
 from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerError, Relation
 
 FOLDER = Path("book", "ledger")
-MANIFEST = "manifest.csv"  # the reviewed list of claims, in the folder of the ledgers
+MANIFEST = "manifest.csv"  # the reviewed list of claims
 REMOVED = "removed.csv"  # ids that must not be used again, with reasons
 IDENTITY = 1e-9  # largest tolerance of an identity without a note
 ROUGHEST = 1e-6  # largest tolerance of an identity with a note
-WORDS = 5  # a note that justifies a verdict must have at least this number of words
+WORDS = 5  # least number of words of a note that justifies a verdict
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 _MADE = re.compile(
     r"(fit: [1-9]\d{0,8} settings? from [1-9]\d{0,8} numbers?: \w[^|]*)?(?:(?:^| \| )(page|count): \w[^|]*)?"
@@ -37,10 +37,10 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return True if settings were fitted, and the reason why the value is constant.
+    """Read the column ``made``. Return True if settings were fitted, and why the value may stay constant.
 
-    The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or a
-    point on a grid that a small change does not move), or empty.
+    The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or
+    a grid point that a small change does not move), or empty.
 
     >>> making("fit: 1 setting from 7 numbers: T_F, from Table 3 | count: samples of a record")
     (True, 'count')
@@ -55,35 +55,35 @@ def making(text: str) -> tuple[bool, str]:
 
 @dataclass(frozen=True)
 class Row:
-    """One printed number or statement of a paper, and its computed value. All entries are strings.
+    """One printed number or statement of a paper with its computed value. All entries are strings.
 
     Parameters
     ----------
     id : str
-        Permanent id of lower-case words with dots, which starts with the key of the paper.
+        Permanent id: lower-case words with dots, the first of which is the key of the paper.
     where : str
-        Place in the paper where the number or statement is printed.
+        Place in the paper.
     quantity : str
         Name of the quantity, with its unit.
     printed : str
-        The printed number, digit for digit. For a statement, a short paraphrase.
+        The printed number, digit for digit, or a paraphrase of the statement.
     computed : str, optional
-        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if settled by reading or not yet
-        computed.
+        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if not yet computed or settled by
+        reading.
     verdict : str, optional
         One of `VERDICTS`, or empty if undecided.
     basis : str, optional
         One of `BASES`.
     page : str, optional
-        The notebook that passes the row, as a path below ``book`` without suffix. Empty if settled by reading.
+        The notebook that passes the row, as in `Ledger.open`. Empty if settled by reading.
     made : str, optional
-        Settings that were fitted to printed numbers, and the reason why the value does not change with the library.
+        Settings that were fitted to printed numbers, and why the value does not change with the library.
     relation : str, optional
-        Relation that a statement asserts (see `Relation`).
+        The `Relation` that a statement asserts.
     evidence : str, optional
-        Inequality of two computed numbers that decides a statement (see `Evidence`).
+        The `Evidence` that decides a statement.
     note : str, optional
-        Reasons, proofs and tolerances. Plain text written by a person, without numbers that could become outdated.
+        Reasons, proofs and tolerances in plain text, without numbers that could become outdated.
 
     Examples
     --------
@@ -109,12 +109,12 @@ class Row:
 
     @property
     def is_statement(self) -> bool:
-        """True if the paper prints words instead of a number. The quantity is then ``statement``."""
+        """True if the paper prints words, not a number. The quantity is then ``statement``."""
         return self.quantity == "statement"
 
     @property
     def is_number(self) -> bool:
-        """True if a number was computed, so that a difference exists."""
+        """True if the row has a printed and a computed number."""
         return not self.is_statement and self.computed != ""
 
     @property
@@ -124,7 +124,7 @@ class Row:
 
     @property
     def half_unit(self) -> float:
-        """Half a unit of the last printed place, the largest distance of a number from its printed form.
+        """Half a unit of the last printed place, the largest rounding error of the printed number.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class Row:
             return verdicts.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
-        """Return computed minus printed in units of the last printed place, or None if there are no numbers.
+        """Return computed minus printed in units of the last printed place, or None without both numbers.
 
         Returns
         -------
@@ -179,7 +179,7 @@ class Row:
         return verdicts.difference(self.printed, self.computed) if self.is_number else None
 
     def shown(self) -> str:
-        """Return the computed entry for a reader. A number is rounded to two digits more than printed.
+        """Return the computed entry for a reader. A number is rounded to two places more than printed.
 
         Returns
         -------
@@ -193,7 +193,7 @@ class Row:
         return verdicts.show(self.printed, self.computed) if self.is_number else self.computed
 
     def with_number(self, value: object, digits: int = verdicts.DIGITS) -> "Row":
-        """Return the row with a computed number, written to a number of significant digits.
+        """Return the row with a computed number.
 
         Parameters
         ----------
@@ -224,7 +224,7 @@ class Row:
             return replace(self, computed=verdicts.write(number, floor, digits))
 
     def same(self, fresh: "Row") -> bool:
-        """Return True if a new row equals this row, to one unit in the last stored place.
+        """Return True if a new row has the same numbers, to one unit of the last stored place.
 
         Parameters
         ----------
@@ -248,7 +248,7 @@ class Row:
             return verdicts.agrees(fresh.computed, self.computed)
         old, new = Evidence.parse(self.evidence), Evidence.parse(fresh.evidence)
         if Relation.parse(self.relation).is_identity and old.verdict == new.verdict == "holds":
-            return old.right == new.right  # the size of a rounding error depends on the machine
+            return old.right == new.right  # the residual itself depends on the machine
         return verdicts.same_text(self.evidence, fresh.evidence)
 
     def disagreement(self) -> str | None:
@@ -299,7 +299,7 @@ class Row:
         return [*lines, disagreement] if disagreement else lines
 
     def _malformed(self) -> Iterator[str]:
-        """Yield entries that are missing, malformed or not allowed. Raise if an entry cannot be read."""
+        """Yield what is missing, malformed or not allowed. Raise an error if an entry cannot be read."""
         reading, statement = self.basis == "reading", ("relation", "evidence")
         computing = ("computed", "page", *(statement if self.is_statement else ()))
         needed = ("where", "quantity", "printed", *(() if reading else computing))
@@ -337,7 +337,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def find_folder(folder: Path | str | None = None) -> Path:
-    """Find a folder of ledgers. By default search for ``book/ledger`` in the current directory and its parents."""
+    """Return the folder of ledgers, by default ``book/ledger`` in the current directory or the nearest parent."""
     if folder is not None:
         return Path(folder)
     here = Path.cwd()
@@ -380,7 +380,7 @@ def book_title(paper: str, book: Path) -> str:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Read a csv file with these columns. Each row must be one line of printable characters."""
+    """Read a csv file with these columns and with printable characters only."""
     with path.open(encoding="utf-8", newline="") as file:
         try:
             header, *lines = [*csv.reader(file, strict=True)] or [[]]
@@ -397,7 +397,7 @@ def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
 
 
 def removed(folder: Path) -> dict[str, str]:
-    """Return the ids of a folder that must not be used again, with reasons."""
+    """Return the removed ids of a folder, which must not be used again, with reasons."""
     path = folder / REMOVED
     lines = read_table(path, ("id", "reason")) if path.is_file() else []
     if bare := [id for id, reason in lines if not reason.strip()]:
@@ -406,7 +406,7 @@ def removed(folder: Path) -> dict[str, str]:
 
 
 def table(columns: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """Return a csv table as text, with quotes only where necessary and a line feed after each line."""
+    """Return a csv table as text."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *lines])
     return text.getvalue()
@@ -468,7 +468,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 
 
 def write_text(path: Path, text: str) -> bool:
-    """Write a file in UTF-8, completely or not at all. Return False if the file already has this text."""
+    """Write a file in UTF-8, completely or not at all. Return False if it already has this text."""
     if path.is_file() and path.read_bytes() == text.encode():
         return False
     beside = path.with_name(f".{path.name}.{os.getpid()}")

@@ -18,7 +18,7 @@ from paperledger.verdicts import DECLARED, LedgerError
 
 
 def pages(paper: str, folder: Path) -> list[Path]:
-    """Find the notebooks of a book that open the ledger of a paper. Chapters come before audits."""
+    """Find the notebooks that open the ledger of a paper, chapters before audits."""
     opened = re.compile(rf"Ledger\.open\(\s*['\"]{re.escape(paper)}['\"]")
     notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     paths = [path for path in notebooks if opened.search("\n".join(cells(path)))]
@@ -35,8 +35,8 @@ def cells(path: Path) -> list[str]:
 def execute(path: Path) -> Iterator[str]:
     """Run the code cells of a notebook in its folder. Yield the output and the result of each cell.
 
-    The cells run in this process, not in a kernel as with nbclient. Therefore pages can pass objects, errors keep their
-    types, a library may be changed after its import, and a ledger does not need Jupyter.
+    The cells run in this process and not in a kernel. So pages can pass objects, errors keep their types, an imported
+    library may be changed, and Jupyter is not needed.
     """
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
@@ -78,18 +78,18 @@ class Update(NamedTuple):
 
 
 def update(paper: str, folder: Path | str | None = None) -> Update:
-    """Run the pages of a paper, and store their results with the verdicts that follow.
+    """Run the pages of a paper, and store their results and the verdicts that follow from these.
 
-    Values that still agree are kept, so a second run on another machine changes nothing. Everything that a person wrote
-    is also kept: order, basis, relations, notes and declared verdicts. A row whose numbers disagree without a declared
-    reason gets no verdict.
+    Stored values that still agree are kept, so a run on another machine changes nothing. Everything that a person wrote
+    is also kept: order, basis, relations, notes and declared verdicts. A row whose numbers disagree gets no verdict
+    unless a person has declared one.
 
     Parameters
     ----------
     paper : str
         Key of the paper.
     folder : path, optional
-        Folder of the csv files, which is inside the folder of the notebooks. By default as in `Ledger.open`.
+        Folder of the csv files, inside the folder of the notebooks. By default as in `Ledger.open`.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     Raises
     ------
     LedgerError
-        If no page opens the ledger, an id is unknown, or a value does not fit its row. Nothing is stored in this case.
+        If no page opens the ledger, an id is unknown, or a value does not fit its row. Then nothing is stored.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # Pages that closed their ledgers come first, since `close` reports missing rows.
+    # Ledgers that their pages closed come first, since `close` reports missing rows.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)
@@ -145,7 +145,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
 
 
 def _updated(row: Row, fresh: Row) -> Row:
-    """Return a row with the results of a new row, and with the verdict that follows."""
+    """Return a row with the results of a new row and the verdict that follows."""
     with naming(row.id):
         new = replace(row, page=fresh.page) if row.same(fresh) else fresh
         return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")
@@ -155,7 +155,7 @@ def _updated(row: Row, fresh: Row) -> Row:
 
 
 def new(paper: str, folder: Path) -> list[Path]:
-    """Write the ledger, the chapter and the audit of a new paper, with the minimum content.
+    """Write a minimal ledger, chapter and audit for a new paper.
 
     Raises
     ------
@@ -209,5 +209,5 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Return only the letters, in lower case. Files differ in capitals, dashes and indices."""
+    """Return only the letters in lower case, since files differ in capitals, dashes and indices."""
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

@@ -1,26 +1,24 @@
 """Change every number that a library returns by a few parts in 100,000, and check which rows of a ledger change.
 
-A number that a page computes with the library changes. A number that the page copies from a paper or from a ledger
-stays the same. So a row that does not change was copied, unless its column ``made`` gives another reason.
+A number that a page computes with the library changes, and a copied number does not. So a row that does not change was
+copied, unless its column ``made`` gives another reason.
 
 Notes
 -----
-State: wrappers replace every public function, method and property of the package, in each module of the package where
-its name occurs. A wrapper calls the unchanged original. `Shaker` counts in ``_inside`` how many calls into the package
-are active.
+State: wrappers replace every public function, method and property of the package, in each of its modules where the name
+occurs. A wrapper calls the unchanged original. ``Shaker._inside`` is the number of active calls into the package.
 
-Invariant: a wrapper changes its result only if ``_inside`` is 0 before and after the call, so that the call is the
-outermost call. All calls inside the outermost call are exact. Therefore searches converge, and each number is changed
-only once. Constructors and operators are exact, and so is every call inside them.
+Invariant: a wrapper changes its result only if ``_inside`` is 0 before and after the call, so only the result of an
+outermost call changes. All calls inside it are exact. So searches converge, and each number is changed only once.
+Constructors and operators are exact, and so is every call inside them.
 
-The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``. The phase differs between functions. The
-change is deterministic and between 2 and 6 times ``SIZE``. It varies with x, so that the quotient of two results
-changes as well. Whole numbers, 0 and infinities do not change.
+The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. It is
+deterministic. It varies with x, so that the quotient of two results changes as well. Whole numbers, 0 and infinities do
+not change.
 
-Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. A
-copied number does not change. A number computed from printed numbers changes as little as these. A number computed with
-the library changes much more. Pages with rows of the basis *computed* also run with an exact library and changed
-printed numbers. In that run, rows with this basis must not change.
+Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So a number
+computed from printed numbers changes much less than a number computed with the library. Pages with rows of the basis
+*computed* also run with an exact library and changed printed numbers. Then rows with this basis must not change.
 """
 
 import os
@@ -49,9 +47,10 @@ from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, expone
 
 SIZE = 1e-5  # the relative change of a number is two to six times this
 PRINTS = 1e-3  # change of a printed number, divided by the change of a result of the library
-COPIED = 1e-9  # a smaller relative change is due to the rounding of a stored number
-# A row with a smaller relative change was computed from printed numbers, which change rows by 4e-8 or a few times
-# as much. The library changes rows by at least 2e-6.
+# A row with a smaller relative change was copied. The change is rounding of the stored number.
+COPIED = 1e-9
+# A row with a smaller relative change was computed from printed numbers. These change rows by 4e-8 or a few times as
+# much, and the library changes rows by at least 2e-6.
 PRINTED = 1e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
@@ -73,11 +72,10 @@ class Shaker:
     fields : frozenset of str, optional
         Names of fields that do not change when their object is changed, such as times.
     whole : dict of str to function, optional
-        Functions by the name of a class. Each function changes an object of this class as a whole. Its arguments are
-        the object, and a function that changes a number of a given name. By default each field of an object is changed
-        separately.
+        By name of a class, a function that changes an object of this class as a whole. Its arguments are the object and
+        a function that changes a number of a given name. By default each field of an object is changed separately.
     only_prints : bool, optional
-        True to keep the library exact, and to change only the printed numbers that pages read.
+        True to change only the printed numbers that pages read, and to keep the library exact.
 
     Examples
     --------
@@ -98,7 +96,7 @@ class Shaker:
     # ------------------------------------------------------------------------------------------------ numbers
 
     def off(self, value: Any, key: str) -> Any:
-        """Return a slightly changed result. Whole numbers, 0 and infinities do not change.
+        """Return a slightly changed result.
 
         Parameters
         ----------
@@ -177,7 +175,7 @@ class Shaker:
         return result
 
     def _part(self, key: str, place: Any) -> Any:
-        """Return the relative change of numbers, given the name of a function and the logarithms of abs(x)."""
+        """Return the relative change of numbers x, from the name of a function and log|x|."""
         phase = crc32(key.encode()) % 6283 / 1000
         return SIZE * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 
@@ -186,7 +184,7 @@ class Shaker:
     def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Wrap a function, or `call` instead of it, so that the result of an outermost call is changed."""
+        """Wrap a function, or `call` in its place, so that the result of an outermost call is changed."""
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
         exact = self.kept_exact(work)
 
@@ -200,7 +198,7 @@ class Shaker:
         return through
 
     def kept_exact(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Wrap a function, such as a constructor or an operator, so that all calls inside it are exact."""
+        """Wrap a function so that all calls inside it are exact."""
 
         @wraps(function)
         def within(*args: Any, **options: Any) -> Any:
@@ -231,7 +229,7 @@ class Shaker:
                     setattr(module, name, wrapped.setdefault(id(value), self.perturbed(value)))
 
     def _wrap_class(self, kind: type) -> None:
-        """Wrap the public methods and properties of a class. Keep its constructor and operators exact."""
+        """Wrap the public methods and properties of a class, and keep its constructor and operators exact."""
         for name, value in [*vars(kind).items()]:
             new: Any = None
             if name.startswith("_") and name != "__call__":
@@ -254,14 +252,14 @@ class Shaker:
 
 @dataclass(frozen=True)
 class Run:
-    """Result of running one page, with the rows that the page passed to its ledgers.
+    """Rows that one page passed to its ledgers in a run.
 
     Parameters
     ----------
     page : str
         Path of the page below the folder of the book, without suffix.
     handed : dict of str to tuple
-        The row with the passed value, and the number of the cell, by the id of the row.
+        For each id, the row with the passed value, and the number of the cell.
     wrong : tuple of str
         Errors that stopped the page.
 
@@ -277,7 +275,7 @@ class Run:
 
 
 class _Print(str):
-    """Printed number that is unchanged as text, but slightly changed when it is converted to a float."""
+    """Printed number whose text is unchanged, and whose float is slightly changed."""
 
     shaken: float
 
@@ -286,10 +284,10 @@ class _Print(str):
 
 
 def _shaken_print(row: Row, shaker: Shaker) -> str:
-    """Return the printed value of a row with a small change, which differs from row to row."""
+    """Return the printed value of a row. Its float has a small change, which differs from row to row."""
     try:
         exact = float(read_number(row.printed))
-    except LedgerError:  # the row is a statement, or the file is one that `check` refuses
+    except LedgerError:  # a statement, or a row that `check` refuses
         return row.printed
     text = _Print(row.printed)
     text.shaken = exact + PRINTS * (shaker.off(exact, row.id) - exact)
@@ -301,7 +299,7 @@ def _name(path: Path, book: Path) -> str:
 
 
 def run(path: Path, book: Path, shaker: Shaker) -> Run:
-    """Run one page of a book with changed printed numbers. The library stays as it is imported."""
+    """Run one page of a book with changed printed numbers."""
     name = _name(path, book)
     handed: Handed = {}
     number, wrong = 0, []
@@ -321,7 +319,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
 
 
 def distance(old: Row, new: Row) -> float:
-    """Return the relative change of a row. For a statement, return the largest change of a side of an inequality.
+    """Return the relative change of a number, or the largest relative change of a side of a statement's inequalities.
 
     >>> one = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
@@ -329,12 +327,12 @@ def distance(old: Row, new: Row) -> float:
     """
     identity = old.is_statement and Relation.parse(old.relation).is_identity
     if identity and Evidence.parse(new.evidence).verdict == "holds" and float(_numbers(new)[0]) <= PRINTED:
-        return 0.0  # only the decade of a residual is stored, so a residual due to rounding may change
+        return 0.0  # the size of a rounding error may change
     return max(map(_apart, _numbers(old), _numbers(new)))
 
 
 def _numbers(row: Row) -> list[str]:
-    """Return the computed number of a row, or both sides of all inequalities that decide a statement."""
+    """Return the computed number of a row, or both sides of each inequality of a statement."""
     if not row.is_statement:
         return [row.computed]
     sides = [(inequality.left, inequality.right) for inequality in Evidence.parse(row.evidence).inequalities]
@@ -349,7 +347,7 @@ def _apart(old: str, new: str) -> float:
 
 
 def _rounded(old: Row, new: Row) -> bool:
-    """Return True if a number was rounded, so that it changed but ends in zeros before and after the change."""
+    """Return True if a number changed but ends in zeros before and after the change, because the page rounds it."""
     return any(
         _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a
         for a, b in zip(_numbers(old), _numbers(new), strict=False)
@@ -357,7 +355,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if the computed value of a row equals its own printed number, changed as in this run."""
+    """Return True if the computed value of a row is its own printed number, as this run has changed it."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -366,19 +364,19 @@ def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
 
 
 def _starts_clean(row: Row) -> bool:
-    """Return True if no printed number may affect a row. A statement may be about printed numbers."""
+    """Return True if printed numbers must not affect a row. A statement may depend on them."""
     return row.basis == "computed" and not row.is_statement
 
 
 def judge(row: Row, new: Row, shaker: Shaker) -> str:
-    """Return an error text for a row of a changed run, or an empty text if the row is in order.
+    """Return the error of a row in a changed run, or an empty text if the row is in order.
 
     Parameters
     ----------
     row : Row
         The stored row.
     new : Row
-        The same row from a changed run, in which the library and printed numbers are changed, or only printed numbers.
+        The same row from a run in which printed numbers and, unless ``shaker.only_prints``, the library are changed.
     shaker : Shaker
         Shaker of that run.
 
@@ -405,7 +403,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
         return f"moves by {far:.1e} when only printed numbers change: its basis is from-print or fitted"
     if _own_print(row, new, shaker):
         return "is its own printed number"
-    # Changes of several printed numbers may nearly cancel. A row computed from them counts as copied only if unchanged.
+    # Changes of several printed numbers may nearly cancel, so a row computed from them has a smaller limit.
     if far < (COPIED if row.basis != "from-print" else 1e-12):
         return "" if stays else f"stays at {value}"
     if stays == "count" and _rounded(row, new):  # the count moved to the next point of a grid
@@ -420,7 +418,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
 
 
 def judged(row: Row, runs: Runs, shaker: Shaker) -> str:
-    """Return an error text for a row with its page and cell, or an empty text if the row is in order."""
+    """Return the error of a row with its page and cell, or an empty text if the row is in order."""
     if row.page not in runs or row.id not in runs[row.page].handed:
         return f"{row.id}: never handed over"
     new, cell = runs[row.page].handed[row.id]
@@ -438,9 +436,9 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
     shaker : Shaker
         Shaker of the runs.
     runs : mapping of str to Run
-        Runs by page, with a changed library and changed printed numbers.
+        Runs by page, with changed library and printed numbers.
     exact : mapping of str to Run
-        Runs of some pages, with an exact library and changed printed numbers.
+        Runs of some pages with an exact library and changed printed numbers.
 
     Returns
     -------
@@ -468,7 +466,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
 
 
 def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]:
-    """Run pages in forked processes, `WORKERS` at a time. These inherit the imports. Return the run of each page."""
+    """Run pages in forked processes, which inherit the imports, `WORKERS` at a time. Return the run of each page."""
     fork, waiting = get_context("fork"), [*paths]
     running: dict[Any, tuple[str, Any]] = {}
     results: dict[str, Run] = {}
@@ -502,13 +500,13 @@ def shake(
     Parameters
     ----------
     shaker : Shaker
-        Package and exceptions. In this process the package stays wrapped afterwards.
+        Package and exceptions. The package stays wrapped in this process.
     folder : path, optional
         Folder of the csv files. By default as in `Ledger.open`.
     keys : sequence of str
         Keys of papers. If empty, all papers are used.
     prepare : callable, optional
-        Function that is called once before the pages run, for example to compile code.
+        Function to call once before the pages run, for example to compile code.
 
     Returns
     -------
@@ -526,7 +524,7 @@ def shake(
     book, chosen = place.parent, [*keys] or papers(place)
     all_rows = {paper: Ledger.open(paper, folder=place).rows.values() for paper in chosen}
     rows = {paper: [row for row in some if row.basis != "reading"] for paper, some in all_rows.items()}
-    # Start long pages first, so that no long page runs alone at the end.
+    # Start long pages first, so that none runs alone at the end.
     paths = sorted({p for paper in chosen for p in pages(paper, place)}, key=lambda p: -p.stat().st_size)
     clean = {row.page for some in rows.values() for row in some if _starts_clean(row)}
     os.environ["MPLBACKEND"] = "Agg"

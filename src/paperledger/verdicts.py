@@ -1,10 +1,10 @@
-"""Verdicts that follow from numbers, for printed numbers and for statements.
+"""Verdicts on printed numbers and on statements, as they follow from computed numbers.
 
 Printed digits are compared as decimals, since ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper but not in
 binary.
 
 A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. Its row stores the inequality that
-decides the statement: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
+decides it: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
 """
 
 import operator
@@ -22,10 +22,10 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a share of the printed number
-LONGEST, LARGEST_EXPONENT = 350, 330  # largest number of characters of a number, and largest power of ten
+LONGEST, LARGEST_EXPONENT = 350, 330  # most characters of a number, and its largest power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
-# Numbers that were declared to disagree must not give one of these verdicts.
+# Numbers that are declared to disagree must not give these verdicts.
 AGREEING = ("reproduced", "approximate", "holds", "holds-in-part")
 BASES = ("computed", "fitted", "from-print", "reading")
 
@@ -48,7 +48,7 @@ class LedgerError(ValueError):
 
 
 def read_number(text: str) -> Decimal:
-    """Read a number. The exponent of the result is that of the last written place.
+    """Read a number. The result has the exponent of the last written place.
 
     >>> read_number("1.30")
     Decimal('1.30')
@@ -62,7 +62,7 @@ def read_number(text: str) -> Decimal:
 
 
 def plain(value: Any) -> int | float:
-    """Convert a value of a page, often a NumPy scalar, to an int or a float, which may be infinite."""
+    """Convert a number of a page, which may be infinite or a NumPy scalar, to an int or a float."""
     scalar = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
     if isinstance(scalar, Integral) and not isinstance(scalar, bool):
         return int(scalar)
@@ -83,10 +83,10 @@ def unit(number: Decimal) -> Decimal:
 
 
 def agrees(fresh: str, stored: str) -> bool:
-    """Return True if a new number equals a stored one, within a unit in the last stored place or a relative 1e-9.
+    """Return True if a new number equals a stored one within a unit of the last stored place, or a relative 1e-9.
 
-    A stored number with fewer digits than the new number does not agree, since it would hide a change. One decimal less
-    is allowed (9.99... and 10.0... both have ten digits). For a computed zero, ten decimals are always enough.
+    A stored number with fewer decimals than the new one could hide a change, so it does not agree. One decimal less is
+    allowed, since 9.99... and 10.0... both have ten digits. Ten decimals are always enough, as for a computed zero.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -97,9 +97,9 @@ def agrees(fresh: str, stored: str) -> bool:
 
 
 def write(value: float, floor: int, digits: int = DIGITS) -> str:
-    """Write a value with its trailing zeros, which show its precision.
+    """Write a value to a number of significant digits, trailing zeros included.
 
-    Digits below ``10**floor`` are dropped, since they are the noise of a computed zero.
+    Digits below ``10**floor`` are dropped, since a computed zero has only rounding noise there.
 
     >>> write(0.5, -12), write(1.2e-17, -11), write(2.5e-7, -17, digits=3)
     ('0.5000000000', '0.00000000000', '2.50e-7')
@@ -125,7 +125,7 @@ def shorten(text: str, digits: int) -> str:
 
 
 def same_text(old: str, new: str) -> bool:
-    """Return True if two texts agree. Words and whole numbers must be equal, decimals must agree by `agrees`.
+    """Return True if two texts have equal words and whole numbers, and if their decimals agree by `agrees`.
 
     >>> same_text("worst of 2: a; ratio 0.31", "worst of 2: a; ratio 0.32"), same_text("2 of 10", "3 of 10")
     (True, False)
@@ -137,7 +137,7 @@ def same_text(old: str, new: str) -> bool:
 
 
 def show(printed: str, computed: str) -> str:
-    """Round a stored number for a reader to two digits more than printed, and to at least three digits.
+    """Round a stored number for a reader to two places more than printed, and to at least three digits.
 
     >>> show("1.31", "1.309812345"), show("1200", "0.001234567890"), show("0.382", "0.38")
     ('1.3098', '0.00123', '0.38')
@@ -154,7 +154,7 @@ def _text(number: Decimal, place: int) -> str:
 
 
 def tolerance(note: str, printed: Decimal) -> Decimal | None:
-    """Read the tolerance in a note, ``tolerance 1 %`` of the printed number or ``tolerance 0.02`` in its units.
+    """Read the tolerance in a note: ``tolerance 1 %`` of the printed number, or ``tolerance 0.02`` in its units.
 
     >>> tolerance("measured with noise: tolerance 5 %", Decimal("2.0"))
     Decimal('0.10')
@@ -186,8 +186,8 @@ def difference(printed: str, computed: str) -> Decimal:
 def derive(printed: str, computed: str, note: str = "") -> str | None:
     """Return the verdict that follows from two numbers.
 
-    A tie counts as agreement, since a paper may round it either way. If a note sets a tolerance, the digits are not
-    expected to match. A number within the tolerance is then ``approximate``, even if it rounds to the printed number.
+    A tie counts as agreement, since a paper may round it either way. If a note sets a tolerance, a number within the
+    tolerance is ``approximate``, even if it rounds to the printed number.
 
     Parameters
     ----------
@@ -199,8 +199,7 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
     Returns
     -------
     str or None
-        ``reproduced``, ``last-digit`` or ``approximate``. None if the numbers disagree, so that a person must declare
-        the reason.
+        ``reproduced``, ``last-digit`` or ``approximate``. None if the numbers disagree: a person must then declare why.
 
     Raises
     ------
@@ -226,21 +225,21 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
 # --- statements -----------------------------------------------------------------------------------------------------
 
 ROUNDING = "rounding"  # the convention of an identity
-SIGNS = {  # the comparison, and the signs for a reader if it holds and if it fails
+SIGNS = {  # comparison, and the signs to display if it holds and if it fails
     "<": (operator.lt, "<", "≮"),
     "<=": (operator.le, "≤", "≰"),
     ">": (operator.gt, ">", "≯"),
     ">=": (operator.ge, "≥", "≱"),
     "==": (operator.eq, "=", "≠"),
-    "≈": (operator.eq, "≈", "≉"),  # this sign needs a convention, whose bounds decide
+    "≈": (operator.eq, "≈", "≉"),  # the bounds of a convention decide
 }
 _PARTS = re.compile(r"(holds|fails) for: (.+)")
 _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?: \| (.+))?")
 
 
-# Conventions of all papers. For each sign they list the bounds that must hold, each with a sign and a factor of the
-# right side. The page *Notation* defines the words.
+# Conventions of all papers. For each sign they list the bounds that must hold: a sign, and a factor of the right side.
+# The page *Notation* defines the words.
 CONVENTIONS = {
     "similar": {"≈": ">= 0.9, <= 1/0.9"},
     "slightly": {"<": "<, >= 0.9", ">": ">, <= 1/0.9"},
@@ -270,10 +269,10 @@ class Relation:
     some : bool
         True if one case is enough. By default every case must hold.
     parts : tuple of str
-        For a statement that holds in part, the cases that are declared to hold or to fail. A case belongs to a part if
-        its name is or begins with the part, as ``ex2, Ms 1.4`` begins with ``ex2``.
+        For a statement that holds in part, names of cases that are declared to hold or to fail. The name ``ex2`` also
+        stands for all cases such as ``ex2, Ms 1.4``.
     parts_hold : bool
-        True if the parts hold and all other cases fail. False if the parts fail and all other cases hold.
+        True if `parts` hold and all other cases fail. False if `parts` fail and all other cases hold.
 
     Examples
     --------
@@ -299,7 +298,7 @@ class Relation:
         Parameters
         ----------
         text : str
-            Left name, sign and right name. Two entries may follow, each after ``|``: a convention, and one of ``some``,
+            Left name, sign and right name. These may follow, each after ``|``: a convention, and one of ``some``,
             ``holds for: ex1; ex2`` and ``fails for: ex3``.
 
         Returns
@@ -335,7 +334,7 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True if the relation compares a residual with rounding. Only the decade of such a residual is stored."""
+        """True if the relation compares a residual with rounding. Then only the decade of the residual is stored."""
         return self.convention == ROUNDING
 
     @property
@@ -346,12 +345,12 @@ class Relation:
         return ", ".join(filter(None, said))
 
     def decide(self, cases: Cases, digits: int = DIGITS, strict: bool = True) -> "Evidence":
-        """Find the decisive case. This is the worst case, or the best case if one is enough.
+        """Find the decisive case: the worst case, or the best case if one is enough.
 
         Parameters
         ----------
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Both sides for each case, or both sides of a single case. For an identity, residuals or a single residual.
+            Both sides of each case, or of a single case. For an identity, residuals.
         digits : int, optional
             Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
@@ -379,7 +378,7 @@ class Relation:
         if self.is_identity:
             return self._residual([float(plain(value)) for value in named.values()])
         pairs = {_name(key): _pair(value) for key, value in named.items()}
-        if self.convention in ("settled", "identical"):  # compare distances to either side
+        if self.convention in ("settled", "identical"):  # compare distances, whatever their sign
             pairs = {name: (abs(left), abs(right)) for name, (left, right) in pairs.items()}
         if self.parts:
             return self._in_part(pairs, digits, strict)
@@ -388,7 +387,7 @@ class Relation:
         return self._evidence(pairs, digits, which)
 
     def _evidence(self, pairs: dict[str, Pair], digits: int, which: str) -> "Evidence":
-        """Return the evidence of the case that is closest to failing, or closest to holding if one case is enough."""
+        """Return the evidence of the worst case, or of the best case if one is enough."""
         slack = {name: self._slack(*pair) for name, pair in pairs.items()}
         name = (max if self.some else min)(slack, key=lambda case: slack[case][0])
         remark = "; ".join(filter(None, (which.format(name), _ratios([*pairs.values()]))))
@@ -397,7 +396,7 @@ class Relation:
         return Evidence(left, *slack[name][1], right, remark)
 
     def _in_part(self, pairs: dict[str, Pair], digits: int, strict: bool) -> "Evidence":
-        """Return the evidence of the weakest case that holds and of the case that fails by the least."""
+        """Return the evidence of the worst case declared to hold, and of the best case declared to fail."""
         if idle := [part for part in self.parts if not any(_belongs(name, part) for name in pairs)]:
             raise LedgerError(f"no case is called {' or '.join(idle)}; there are {'; '.join(pairs)}")
         declared = {n: any(_belongs(n, part) for part in self.parts) == self.parts_hold for n in pairs}
@@ -417,7 +416,7 @@ class Relation:
         return replace(decisive[0], but=decisive[1])
 
     def _slack(self, left: float, right: float) -> tuple[float, tuple[str, str]]:
-        """Return the relative distance of a case from its nearest bound, and the bound. Negative if the case fails."""
+        """Return the relative distance of a case from its nearest bound (negative if the case fails), and the bound."""
         if self.sign == "==" and not (isinstance(left, int) and isinstance(right, int)):
             raise LedgerError(f"'==' is for integers, found {left!r} and {right!r}; a residual takes <=")
         if self.convention and not (0 <= left < float("inf") and 0 <= right < float("inf")):
@@ -428,7 +427,7 @@ class Relation:
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
-            # Round the distance, so that rounding errors never change the order of two equal cases.
+            # The distance is rounded, so that rounding errors never exchange two equal cases.
             bounds.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
         return min(bounds, key=lambda pair: pair[0])
 
@@ -445,7 +444,7 @@ class Relation:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Inequality of two computed numbers that decides a statement, as stored in its row.
+    """Inequality of two computed numbers that decides a statement.
 
     Parameters
     ----------
@@ -458,9 +457,9 @@ class Evidence:
     right : str
         The right number with its digits.
     remark : str, optional
-        Number of cases, name of the decisive case, and range of the ratio of both sides.
+        Number of cases, name of the decisive case, and range of left / right.
     but : Evidence, optional
-        For a statement that holds in part, the inequality that fails. It stands after `` || `` in the row.
+        For a statement that holds in part, the inequality that fails, which follows `` || `` in the row.
 
     Examples
     --------
@@ -520,7 +519,7 @@ class Evidence:
 
     @property
     def verdict(self) -> str:
-        """The verdict of the numbers as written: ``holds``, ``holds-in-part`` or ``fails``."""
+        """The verdict of the written numbers: ``holds``, ``holds-in-part`` or ``fails``."""
         if self.but:
             verdicts = tuple(inequality.verdict for inequality in self.inequalities)
             return "holds-in-part" if verdicts == ("holds", "fails") else "fails"
@@ -529,7 +528,7 @@ class Evidence:
         return "holds" if SIGNS[self.sign][0](_exact(self.left), asked) else "fails"
 
     def shown(self) -> str:
-        """Return the inequality for a reader, with the sign that is true. Show enough digits to distinguish both sides.
+        """Return the inequality for a reader, with the true sign and enough digits to distinguish both sides.
 
         Returns
         -------
@@ -567,14 +566,14 @@ def _pair(value: object) -> Pair:
 
 
 def _side(value: float, scale: float, digits: int) -> str:
-    """Write one side. Integers stay integers. Digits below 1e-12 times the larger side are dropped as noise."""
+    """Write one side. Integers stay integers. Digits below 1e-12 * scale are dropped as noise."""
     if isinstance(value, int) or isinf(value):
         return str(value)
     return write(value, Decimal(repr(float(scale))).adjusted() - 12 if scale else -400, digits)
 
 
 def _ratios(pairs: list[Pair]) -> str:
-    """Return the range of left divided by right in words, if all are positive real numbers."""
+    """Return the range of left / right in words, if all sides are positive real numbers and not all are integers."""
     sides = [side for pair in pairs for side in pair]
     if all(isinstance(side, int) for side in sides) or not all(0 < side < float("inf") for side in sides):
         return ""
@@ -583,7 +582,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or to as many as distinguish it from 1. A tiny or huge ratio gets only a bound."""
+    """Round a ratio to two digits, or up to five to distinguish it from 1. A tiny or huge ratio gets a bound."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

@@ -84,7 +84,7 @@ class IdealGains(NamedTuple):
         Raises
         ------
         ValueError
-            If there is no proportional action, since the standard form divides by kp.
+            If there is no proportional action.
 
         Examples
         --------

@@ -1,9 +1,9 @@
 r"""Reduce any stable process to a model of first or second order with dead time (heo2023).
 
-The phase of :math:`G(j\omega)/G(0)` is 0 at :math:`\omega = 0`. The ultimate frequency :math:`\omega_u` is the first
-frequency at which it falls below :math:`-\pi`. Both reductions keep the static gain and the phase at :math:`\omega_u`.
-The paper names its source for the reduction but does not give the method. The method used here gives all 24 parameters
-of Tables 4 to 6. With other weights, or with 9 or 11 frequencies, the second-order models differ in the third decimal.
+Both reductions keep the static gain and the phase at the ultimate frequency :math:`\omega_u`, at which the phase of
+:math:`G(j\omega)/G(0)` first falls below :math:`-\pi`. The paper names its source for the reduction but does not give
+the method. The method used here gives all 24 parameters of Tables 4 to 6. With other weights, or with 9 or 11
+frequencies, the second-order models differ in the third decimal.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def ultimate_frequency(process: Process) -> float:
     Parameters
     ----------
     process : Process
-        Process that is stable or has one integrator. Its static gain must not be 0. A negative gain does not shift the
-        phase here. No zero on the imaginary axis may lie below the ultimate frequency, since the phase jumps there.
+        Process that is stable or has one integrator. Its static gain must not be 0. No zero on the imaginary axis may
+        lie below the ultimate frequency, since the phase jumps there.
 
     Returns
     -------
@@ -95,9 +95,8 @@ def ultimate_frequency(process: Process) -> float:
 
     def phase(w: Array) -> Array:
         w = np.atleast_1d(w)
-        exact = np.angle(
-            axis.L(w)
-        )  # the sum over all roots gives the number of turns, and the exact angle gives the remainder
+        # The sum over all roots gives the number of turns, and the exact angle gives the remainder.
+        exact = np.angle(axis.L(w))
         return exact + 2 * np.pi * np.round((turned_phase(unit, w) - exact) / (2 * np.pi)) - turned
 
     on_axis = np.abs(zeros[np.abs(zeros.real) <= 1e-9 * np.abs(zeros)])
@@ -142,9 +141,9 @@ def turned_phase(process: Process, w: Array) -> Array:
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""Reduce a process to a first-order model with dead time that agrees at 0 and at the ultimate frequency.
+    r"""Reduce a process to a first-order model with dead time that equals it at 0 and at the ultimate frequency.
 
-    With :math:`m = |G(j\omega_u)/G(0)|`
+    The parameters follow from :math:`m = |G(j\omega_u)/G(0)|`:
 
     .. math:: \tau = \frac{\sqrt{1/m^2 - 1}}{\omega_u}, \qquad
               \theta = \frac{\pi - \arctan(\tau \omega_u)}{\omega_u}.
@@ -164,7 +163,7 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     Returns
     -------
     FirstOrderModel
-        The parameters. Its ``process`` is the model. The dead time is between π/(2 wu) and π/wu.
+        The parameters. Its ``process`` is the model.
 
     Raises
     ------
@@ -201,11 +200,11 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     included), :math:`a` and :math:`b` are the least-squares solution of
 
     .. math:: g(\omega)\,(1 + a\,\omega^2 + b\,\omega^4) = 1, \qquad
-              b = \tau^4, \quad a = 4\tau^2\zeta^2 - 2\tau^2,
+              b = \tau^4, \quad a = 4\tau^2\zeta^2 - 2\tau^2.
 
     The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. It is never negative, because the lag
-    alone never turns the phase by more than :math:`\pi`. A process that is already a second-order model with dead time
-    is returned unchanged, for any damping.
+    alone turns the phase by at most :math:`\pi`. A process that is already a second-order model with dead time is
+    returned unchanged, for any damping.
 
     ============  ==================
     heo2023       here

@@ -1,9 +1,9 @@
 r"""Roots of a polynomial from its coefficients, including multiple roots.
 
 The eigenvalues of a companion matrix scatter an n-fold root over a circle. For 30 equal lags, for example, the time
-constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, and Gauss-Newton
-steps fit this root to the coefficients. It is accepted if its polynomial agrees with the coefficients at least as well
-as the polynomial of the scattered roots.
+constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, which Gauss-Newton
+steps fit to the coefficients. The multiple root is accepted if its polynomial agrees with the coefficients at least as
+well as the polynomial of the scattered roots.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 
 from pidalab._check import Array
 
-# Roots within such relative distances are tried as one multiple root.
+# Relative distances within which roots are tried as one multiple root.
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)
-# A difference of a coefficient below this value times its size times the degree is rounding.
+# A difference of coefficients, relative to their size, counts as rounding below SAME_COEFFICIENTS * degree.
 SAME_COEFFICIENTS = 1e-14
 ALLOWED = 1e-10  # largest difference of the coefficients, relative to their size, for accepted roots
 TRUSTED_DEGREE = 8  # up to this degree, well separated eigenvalues are accepted directly
@@ -29,9 +29,9 @@ ON_AXIS = 1e-13  # a real part below this share of the modulus is rounding
 
 
 def roots(polynomial: ArrayLike) -> Any:
-    """Return the roots of a real polynomial in descending powers. Sort by modulus. Of a pair, the upper root is first.
+    """Return the roots of a real polynomial in descending powers, sorted by modulus.
 
-    Leading zeros are ignored.
+    Of a conjugate pair, the root in the upper half-plane is first. Leading zeros are ignored.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def _of_nonzero(coefficients: Array) -> Any:
         raise ValueError(f"the degree of a polynomial must be at most {HIGHEST_DEGREE}, found {degree}")
     with np.errstate(all="ignore"):
         monic = coefficients / coefficients[0]
-        # In this unit of s, a power of 2, the first and the last coefficient are about equal.
+        # Scale s by a power of 2, so that the first and the last coefficient are about equal.
         scale = 2.0 ** np.round(np.log2(abs(monic[-1])) / degree)
         scaled = monic / scale ** np.arange(degree + 1.0)
     if not (np.all(np.isfinite(scaled)) and np.array_equal(scaled == 0, coefficients == 0)):
@@ -73,7 +73,8 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
-    # The second coefficient is minus the sum of the roots. If all are equal, it gives each without loss of digits.
+    # The second coefficient is minus the sum of the roots. If all roots are equal, it gives them without loss of
+    # digits.
     single = np.full(1, -scaled[1] / degree, dtype=complex)
     if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= SAME_COEFFICIENTS * degree:
         return np.repeat(single, degree) * scale
@@ -99,8 +100,8 @@ def _of_nonzero(coefficients: Array) -> Any:
         least = 1.0
     if not least <= ALLOWED:
         raise ValueError(
-            f"the roots of a polynomial of degree {degree} are lost in rounding: their polynomial differs from it by "
-            f"{least:.1g}; take fewer lags, or another model"
+            f"the roots of a polynomial of degree {degree} are lost in rounding: the polynomial of the computed roots "
+            f"differs by {least:.1g}; take fewer lags, or another model"
         )
     return _in_pairs(best * scale)
 
@@ -124,9 +125,9 @@ def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
 
 
 def _sizes(scaled: Array) -> Array:
-    """Return typical sizes of the coefficients. Their logarithms are the lowest concave curve above the logarithms."""
-    # The curve is the Newton polygon, whose slopes are the logarithms of abs(root). A coefficient may be much smaller
-    # if its terms cancel. A difference relative to such a coefficient would be meaningless.
+    """Return typical sizes of the coefficients, from the lowest concave curve above their logarithms."""
+    # The curve is the Newton polygon, whose slopes are the logarithms of abs(root). A coefficient whose terms cancel
+    # may lie far below the curve, and a difference relative to it would be meaningless.
     k = np.flatnonzero(scaled)
     corners: list[tuple[int, float]] = []
     for point in zip(k.tolist(), np.log(np.abs(scaled[k])).tolist(), strict=True):

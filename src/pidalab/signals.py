@@ -17,7 +17,7 @@ from pidalab._check import Array
 
 Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
-SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, as a share of its maximum
+SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, divided by its largest error
 BLOCK = 8192  # sample intervals whose integrals are computed together
 FEWEST_JUDGED = 20  # fewer samples are not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
@@ -28,7 +28,7 @@ DOUBT_SHARE = 1e-3  # a measure warns if its estimated relative error is larger
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Signals of one experiment, with operations and checks of their resolution (see `pidalab.Response`)."""
+    """Signals of one experiment (see `pidalab.Response`)."""
 
     t: Array
     r: Array
@@ -72,7 +72,7 @@ class Signals:
         return response
 
     def _derived(self, finer: Callable[[], Self] | None, **changes: Any) -> Self:
-        """Return a record with changed fields, but the same `_speed` and the same `_exact`."""
+        """Return a record with changed fields, which keeps `_speed` and `_exact`."""
         response = replace(self, **changes)
         vars(response).update(_finer=self._finer and finer, _speed=self._speed, _exact=self._exact)
         return response
@@ -105,26 +105,19 @@ class Signals:
     ) -> float:
         """Return a measure that does not change on a finer grid, or warn with an estimate of its error.
 
-        Parameters
-        ----------
-        name : str
-            Name of the measure, for the warning.
-        measure : callable
-            Function that computes the measure of a record without warnings.
-        signal : {"y", "u"}
-            Signal to measure.
-        missed : callable, optional
-            Function that bounds how much the samples of a record underestimate extremes.
-        least : float, optional
-            A difference between grids is divided by this number if the measure is smaller.
+        `measure` computes the measure of a record without warnings. `missed` bounds how much the samples of a record
+        underestimate extremes. A difference between grids is divided by the measure, or by `least` if that is larger.
 
         Notes
         -----
         Grids are compared in succession: every second sample, all samples, and finer grids. Two grids agree if the
-        measure differs by at most `SAME_SHARE`. If the samples resolve the fastest pole, one agreement is enough for an
-        integral, and for an extreme if `missed` is small. A measure that is a time needs three. If the samples do not
-        resolve the pole, an integral needs two, since two grids can agree by chance. Other measures then need a finer
-        grid.
+        measure differs by at most `SAME_SHARE`. The number of successive agreements that is required depends on the
+        measure:
+
+        * If the samples resolve the fastest pole, an integral needs one agreement. An extreme needs one if `missed` is
+          small. A time needs three.
+        * Otherwise an integral needs two, since two grids can agree by chance. Other measures need a finer grid.
+
         If the first finer grid agrees, the value of the record itself is returned.
         """
         value = measure(self)
@@ -184,7 +177,7 @@ class Signals:
         Returns
         -------
         Response
-            Response without noise, whose output is y + n. The part n is held between samples.
+            Response without noise. The part n of its output is held between samples.
 
         Examples
         --------
@@ -208,14 +201,13 @@ class Signals:
         Parameters
         ----------
         reference : Response
-            Response at the same times. Its output replaces the set point. For example, `open_loop_step` of a prefilter
-            gives the filtered set point.
+            Response at the same times, whose output replaces the set point. For example, `open_loop_step` of a
+            prefilter gives the filtered set point.
 
         Returns
         -------
         Response
-            Response whose y is the difference of both outputs and whose set point is 0. Its error ``e`` is
-            ``reference.y - y``.
+            Response with set point 0, whose y is the difference of both outputs. Its error is ``e = reference.y - y``.
 
         Raises
         ------
@@ -335,9 +327,8 @@ class Signals:
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
         """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
-        The test begins at the last change of set point or load, or at the first change of the signal if that is later.
-        If set point or load change all the time, it begins at the first change of the signal. Few samples are not
-        tested.
+        The test begins at the first change of the signal, or at the last change of set point or load if this is later.
+        Set point and load are ignored if they change all the time. Few samples are not tested.
         """
         if not self._grows(signal, 0):
             return

@@ -12,7 +12,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.roots import roots
 
-# A dead time that differs from a multiple of the sample time h by less than this share of h counts as the multiple.
+# A dead time that differs from a multiple of the sample time h by less than ALIGNED * h counts as the multiple.
 ALIGNED = 1e-9
 # Poles, in order of modulus, are split into parts where the modulus rises by more than this factor.
 APART = 10.0
@@ -97,10 +97,7 @@ def monic(poles: list[complex]) -> list[float]:
 
 
 def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
-    """Divide num (in descending powers of x) by all x - p, modulo q (see `monic`). Return the lowest power first.
-
-    With so few numbers, plain Python is faster than array operations.
-    """
+    """Divide num (in descending powers of x) by all x - p, modulo q (see `monic`). Return the lowest power first."""
     v: list[complex] = [0.0] * len(q)
     for coefficient in num:
         top = v[-1]
@@ -205,6 +202,6 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # Every pole is faster than the duration, so the static gain dominates. This form preserves its digits.
+        # Every time constant is shorter than the duration, so the static gain dominates. This form keeps its digits.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

@@ -23,14 +23,13 @@ def driven(process, t, u):
 @pytest.mark.parametrize("process", [G1, G2, pidalab.sopdt(-3.0, 0.5, 0.6, 1.0)])
 @pytest.mark.parametrize("h", [0.01, 0.05])
 def test_step(process, h):
-    """A coarse record is as good as a fine one, since the output starts smoothly. Only rounding of y is left."""
+    """A coarse record is as good as a fine one, since the output starts smoothly. The errors are rounding of y."""
     measured = areas.from_record(*step_record(process, h=h), 10, start=(0.0, 0.0))
     assert measured.values == pytest.approx(areas.from_process(process, 10), rel=1e-5)
     assert measured.settled
 
 
 def test_units_and_levels():
-    """Input and output have offsets and units, the step goes down, and time is in minutes."""
     t, _, y = step_record(G2)
     u = np.where(t < 4.0, 30.0, 26.0)
     y = 70.0 - 4.0 * 2.5 * np.concatenate([np.zeros(400), y[:-400]])
@@ -49,7 +48,7 @@ def test_any_change_of_a_held_input():
 
 
 def test_record_of_a_closed_loop():
-    """A change of the set point under digital PID control: the areas are those of the process, not of the loop."""
+    """The set point changes under digital PID control. The areas are those of the process, not of the loop."""
     t = 0.02 * np.arange(6001)
     record = pidalab.simulate_sampled(pidalab.Loop(G1, pidalab.PIDA(kp=1.2, ti=3.0, td=0.9)), t, setpoint=2.0)
     measured = areas.from_record(t, record.u, record.y, 6, start=(0.0, 0.0))
@@ -63,7 +62,7 @@ def test_record_of_a_closed_loop():
 @pytest.mark.parametrize(("process", "horizon", "noise"), [(G1, 30, 1e-2), (G2, 20, 1e-3)])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_uncertainty_matches_the_spread_of_many_records(process, horizon, noise, hold):
-    """Compare the errors of 40 records with their own uncertainty, for white noise and noise held for five samples."""
+    """Compare the errors of 40 records with their uncertainty, for white noise and noise held for five samples."""
     t, u, y = step_record(process, horizon, h=0.02)
     rng, expected = np.random.default_rng(5), areas.from_process(process, 6)
     records = [
@@ -102,7 +101,7 @@ def test_noise_does_not_hide_the_end_of_the_transient(process, h, noise):
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.6])
 @pytest.mark.filterwarnings("ignore::pidalab.areas.RecordWarning")
 def test_uncertainty_covers_quantisation(step, noise):
-    """A tail below half a quantum does not show, and the record looks noise-free."""
+    """Quantisation hides a tail below half a quantum, so the record looks noise-free."""
     t, u, y = step_record(G1, 50.0, 0.02)
     y = step * np.round(y / step + noise * np.random.default_rng(0).normal(size=t.size))
     measured = areas.from_record(t, u, y, 6, start=(0.0, 0.0))
@@ -126,7 +125,6 @@ def test_a_record_gives_the_areas_of_its_arrays():
     assert areas.from_record(pidalab.Record(1000.0 + t, u, y), count=6).values == pytest.approx(
         expected.values, rel=1e-6
     )
-    # irregular times, and a noisy input
     rng = np.random.default_rng(0)
     moved = np.sort(t + 0.009 * rng.uniform(-1.0, 1.0, t.size))
     messy = pidalab.Record(

@@ -31,7 +31,7 @@ def test_dead_time_zeros_and_a_common_factor():
 
 
 def test_damped_oscillation_without_loss_of_digits():
-    """Recursion (7) in floats loses six digits at A_30 here. The exact fractions lose none."""
+    """Recursion (7) in floats loses six digits at A_30. The exact fractions lose none."""
     process = pidalab.Process([1.3, 0.7], [0.9, 0.31, 1.7], delay=0.37)
     with mpmath.workdps(60):
         (b1, b0), (a2, a1, a0), delay = process.num.tolist(), process.den.tolist(), mpmath.mpf(0.37)

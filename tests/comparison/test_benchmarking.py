@@ -1,4 +1,4 @@
-"""Benchmark a user's rule on the stored plants, and recompute its tables and figure from the rows."""
+"""Benchmark a user's rule on the stored plants, and recompute its tables and figure."""
 
 import io
 
@@ -16,7 +16,7 @@ from pidalab.requirements import Requirements
 from pidalab.rules import Design
 from pidalab.rules.classical import simc
 
-DRIFT = 2e-3  # as on the page: the study computes noise to 1e-7 of its square, and stores five digits
+DRIFT = 2e-3  # the study computes noise to 1e-7 of its square, and stores five digits
 PLANTS = ["P2 T=1", "P4 n=4", "P8 a=0.5"]
 PLAIN = pidalab.lags(3, delay=1.0)
 
@@ -90,7 +90,7 @@ def test_from_the_command_line(tmp_path):
 
 
 def test_plants_match_the_stored_tables():
-    """Each plant has the name and the polynomials for which its optima were stored."""
+    """Each plant has the name and the polynomials that are stored with its optima."""
     table = stored("processes").set_index("plant")
     cases = list(batch())
     assert len(cases) == len({case.name for case in cases}) == 134
@@ -106,7 +106,7 @@ def test_plants_match_the_stored_tables():
 
 @pytest.fixture(scope="module")
 def expected(benchmark):
-    """Return IAE over the least IAE of a kind and of all kinds, for this rule and all others, by plain dictionaries."""
+    """Return the IAE of all rules, divided by the least IAE of the kind and of all kinds, by plain dictionaries."""
     optima = pd.read_csv(TABLES / "optima.csv")
     others = pd.read_csv(TABLES / "comparison.csv")
     table = {}

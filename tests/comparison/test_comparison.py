@@ -1,4 +1,4 @@
-"""Compare all rules on one process: each is a row, and no row within the limits beats the optimum."""
+"""Compare all rules on one process: each has a row, and no row within the limits beats the optimum."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Scale designs to equal terms: Ms and noise gain are as asked for, and the proportions of the rule stay."""
+"""Scale designs to equal Ms and noise gain, and keep the proportions of each rule."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,6 @@ def test_scaled_designs_have_the_ms_and_noise_asked_for(name, noise):
     assert pidalab.max_sensitivity(loop)[0] == pytest.approx(1.5, rel=1e-5)
     assert pidalab.noise_gain(loop, 0.05) == pytest.approx(min(noise, fair.noise_gain), rel=1e-4)
     assert fair.controller.filter_time > 0.05 or fair.noise_gain < noise
-    # the proportions of the rule are kept
     assert fair.controller.gains().standard()[1:] == pytest.approx(design.controller.gains().standard()[1:])
 
 

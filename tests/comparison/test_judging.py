@@ -1,4 +1,4 @@
-"""Measure the loop of a design: its row of measures, rows without measures and their reason, and the tables."""
+"""Measure the loop of a design: rows of measures, rows without measures and their reason, and tables."""
 
 import math
 
@@ -74,7 +74,6 @@ def test_a_refusal_and_an_unstable_loop_are_rows_without_measures():
 
 
 def test_an_unexpected_exception_is_raised():
-    """Only a ValueError of the rule becomes a row."""
     with pytest.raises(AttributeError):
         measure_row("mine", "PI", lambda: None, LAGS, sample_time=0.1, horizon=3.0)
 

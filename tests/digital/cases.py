@@ -44,7 +44,7 @@ CASES = {
 
 
 def record(k, seed=0, n=300):
-    """Return random set points, a noisy measurement, periods in manual mode and other inputs."""
+    """Return random inputs, with periods in manual mode."""
     rng = np.random.default_rng(seed)
     jumps = np.repeat(rng.uniform(-1.0, 1.0, n // 20), 20)
     y = 0.7 * np.convolve(jumps, np.exp(-np.arange(40) / 8) / 8)[:n] + 0.02 * rng.normal(size=n)
@@ -60,7 +60,7 @@ def record(k, seed=0, n=300):
         "retuned": rng.random(n) < 0.03,
     }
     rows = {name: rows[name] for name in program(k).inputs}
-    # numbers that are exact in single precision
+    # The numbers are exact in single precision.
     return {name: x if x.dtype == bool else x.astype(np.float32).astype(float) for name, x in rows.items()}
 
 

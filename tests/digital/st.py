@@ -1,8 +1,6 @@
 """Run the subset of structured text (IEC 61131-3) that the library writes: parse it strictly, translate it to Python.
 
-VAR sections with BOOL, INT, LREAL, arrays of them and instances of blocks; assignments, IF, FOR and calls of instances;
-comparisons, AND, OR, NOT, + - * and ABS. A name that is not declared, an assignment to a constant or to an input, and a
-value of the wrong type are errors, as they are to a compiler.
+An undeclared name, an assignment to a constant or an input, and a value of the wrong type are errors.
 """
 
 import re
@@ -43,7 +41,7 @@ def literal(kind, text):
 
 
 def expression(text):
-    """Translate an expression to Python, in which variables are attributes of `own`."""
+    """Translate an expression to Python. Its variables become attributes of `own`."""
     words, position = [], 0
     while position < len(text):
         token = TOKEN.match(text, position)
@@ -57,7 +55,7 @@ def expression(text):
 
 
 def python(body):
-    """Translate the statements of a block to the source of a function of its instance."""
+    """Translate the statements of a block to the source of a function."""
     lines, indent, position = ["def run(own):"], "    ", 0
     while body[position:].strip():
         statement = STATEMENT.match(body, position)
@@ -89,7 +87,7 @@ def truth(value):
 
 
 def read(text):
-    """Return the function blocks of a text by name: the variables of each, and the function that runs it."""
+    """Return variables and function of each function block in a text, by name."""
     blocks = {}
     plain = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S)
     for name, content in re.findall(r"FUNCTION_BLOCK (\w+)\s+(.*?)END_FUNCTION_BLOCK", plain, re.S):

@@ -1,4 +1,4 @@
-"""Run the digital controller: start, modes, limits and windup, by hand and by invariants."""
+"""Check start, modes, limits and windup of the digital controller."""
 
 import dataclasses
 import math
@@ -32,7 +32,7 @@ def test_pi_controller_by_hand():
 
 @pytest.mark.parametrize("name", CASES)
 def test_simulation_matches_step_bit_for_bit(name):
-    """The plant has a gain of 0, so that the controller sees the set point and the noise alone."""
+    """The plant has a gain of 0, so that the controller sees only set point and noise."""
     k = dataclasses.replace(CASES[name], y_offset=0.0, bias=0.0)
     rows = record(k)
     t = k.sample_time * np.arange(300)
@@ -51,7 +51,7 @@ def test_another_unit_of_the_output_changes_no_control_signal(name):
     run = simulate_sampled(loop, t, 0.7, load=0.3)
     low, high = loop.limits
     assert np.all((run.u >= low - 1e-12) & (run.u <= high + 1e-12))
-    # in another unit of the output gains and deadband change
+    # Gains and deadband change with the unit of the output.
     gains = tuple(path._replace(gains=tuple(g / 50.0 for g in path.gains)) for path in k.paths)
     growth = k.growth if k.from_signal else tuple(g / 50.0 for g in k.growth)
     scaled = dataclasses.replace(k, paths=gains, growth=growth, deadband=50.0 * k.deadband)
@@ -84,7 +84,7 @@ def test_no_bump_on_the_way_back_from_manual(name):
     k.reset()
     for _ in range(30):
         k.step(y, y, manual=k.bias + 1.0)
-    # a controller without integral cannot hold the signal
+    # A controller without integral cannot hold the signal.
     assert k.step(y, y) == pytest.approx(k.bias + 1.0 * k.integrates, abs=1e-9)
 
 
@@ -96,7 +96,7 @@ def test_manual_signals_keep_the_limits_of_range_and_rate():
 
 @pytest.mark.parametrize("way", ["reset", "back-calculation", "clamping", None])
 def test_tracking_prevents_windup(way):
-    """A selector holds the actuator at 0.5 for a long time. When released, the controller continues from near there."""
+    """A selector holds the actuator at 0.5 for a long time. When released, the controller continues from near 0.5."""
     k = PIDA(1.0, 2.0).discretise(0.1, anti_windup=way)
     k.reset(r=0.0, y=0.0)
     wanted = [k.step(0.3, 0.0, track=0.5) for _ in range(400)][-1]
@@ -115,7 +115,7 @@ def test_reset_is_a_lag_behind_the_limited_signal():
         u = k.step(float(error), 0.0)
         new = integral + h / (ti + h) * (u - integral)
         cut += abs(u - kp * error - new) > 1e-9
-        # the signal is the sum of proportional part and lag, or a limit
+        # The signal is the sum of proportional part and lag, or a limit.
         assert (
             abs(u - kp * error - new) < 1e-12 or u in (-0.5, 0.6) or abs(u - last) == pytest.approx(4.0 * h)
         )
@@ -135,7 +135,7 @@ def test_deadband_by_hand():
 
 
 def test_weights_by_hand():
-    """With b = c = 0 a step of the set point moves the integral alone. The weights do not affect the measurement."""
+    """With b = c = 0 a step of the set point moves only the integral. The weights do not affect the measurement."""
     free = STANDARD.discretise(0.1, b=0.0, c=0.0)
     free.reset(r=0.0, y=0.0)
     ki = STANDARD.kp / STANDARD.ti * 0.1
@@ -147,7 +147,7 @@ def test_weights_by_hand():
 
 
 def test_a_small_integral_adds_up_in_single_precision():
-    """The increment per sample is 1e-8 of the integral. Rounding would lose it without the carry."""
+    """The increment per sample is 1e-8 of the integral. Without the carry, rounding would lose it."""
     k = PIDA(1.0, 1000.0).discretise(0.001)
     assert k.coefficients["INTEGRAL_NEW"] == pytest.approx(1e-6)
     space = {}
@@ -166,7 +166,7 @@ def test_a_digital_controller_is_immutable_and_compares_by_its_fields():
     with pytest.raises(dataclasses.FrozenInstanceError):
         k.bias = 3.0
     assert "_states" not in repr(k)
-    with pytest.raises(TypeError, match="positional"):  # its fields are keyword-only
+    with pytest.raises(TypeError, match="positional"):
         DigitalController(0.1)
     again = pickle.loads(pickle.dumps(k))
     assert again == k

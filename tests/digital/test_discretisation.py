@@ -1,4 +1,4 @@
-"""Check each method of discretisation: substitutions and held inputs."""
+"""Check each method of discretisation."""
 
 import math
 from itertools import product
@@ -26,7 +26,7 @@ H = 0.07
 
 
 def held(controller, h, time=1.0, order=0):
-    """Return the values at Z of a controller behind equal lags, discretised for a held input in high precision."""
+    """Return values at Z of a controller with equal lags, discretised for a held input in high precision."""
     with mp.workdps(30):
         return [complex(held_at(controller, h, time, order, z)) for z in Z]
 
@@ -36,7 +36,7 @@ def held_at(controller, h, time, order, z):
     for part in controller.parts():
         lags = [mp.mpf(part.filter_time)] * part.filter_order + [mp.mpf(time)] * order
         n = len(lags)
-        # states: integral of the last lag, the lags, the input
+        # The states are the integral of the last lag, the lags, and the input.
         generator = mp.zeros(n + 2)
         generator[0, n or 1] = 1
         for j, lag in enumerate(lags, start=1):
@@ -106,7 +106,7 @@ def test_long_sample_times_warn(controller, h, message):
 
 
 def test_gain_of_back_calculation():
-    """Back-calculation uses the root of integral and derivative time, the reset the integral time."""
+    """Back-calculation uses sqrt(ti td), the reset uses the integral time."""
     h, ti, td = 0.1, 2.0, 0.5
 
     def gain(way, controller=PID):
@@ -133,7 +133,7 @@ def test_set_point_of_a_filtered_pida_without_derivatives_of_it():
 
 
 FILTERED = [
-    # the filters of the parts are 0.18 and 0.09: near to them, in between and far away
+    # The filters of the parts are 0.18 and 0.09. The times are close to these, in between and far away.
     *product(["pida"], [0.18, 0.18 * (1 + 1e-12), 0.18001, 0.19, 0.0901, 0.4, 2.0], [1, 2, 3]),
     ("pi", 0.2, 1),
     ("non-interactive", 0.1, 2),
@@ -154,7 +154,7 @@ def test_an_output_filter_loses_no_digits(name, time, order):
     if name == "pida":
         expected = held(C, H, time, order)
         np.testing.assert_allclose(C.discretise(H, "zoh", F, anti_windup="clamping")(Z), expected, rtol=1e-12)
-    # with a weight c of 0 no part has a derivative of the set point
+    # With a weight c of 0 no part has a derivative of the set point.
     split = C.discretise(H, "backward", F, anti_windup="clamping", c=0.0)
     assert {path.weight for path in split.paths} <= {0.0, 1.0}
     np.testing.assert_allclose(split(Z), k(Z), rtol=1e-9)
@@ -162,7 +162,7 @@ def test_an_output_filter_loses_no_digits(name, time, order):
 
 @pytest.mark.parametrize("name", CASES)
 def test_transfer_function_has_no_cancelling_poles(name):
-    """It has the poles of the lags and of the integral. Others would count as unstable or stable poles of the loop."""
+    """It has only the poles of the lags and of the integral, since other poles would count as poles of the loop."""
     k = CASES[name]
     lags = [1 - new - old for path in k.paths for new, old in zip(path.new, path.old, strict=True)]
     expected = np.poly(lags + [1.0] * k.integrates)

@@ -1,4 +1,4 @@
-"""Check filters of the set point in a digital controller."""
+"""Check prefilters of a digital controller."""
 
 import math
 

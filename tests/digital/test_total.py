@@ -1,7 +1,7 @@
 """Feed any input to the written code: the control signal stays within its limits.
 
-A sample is skipped in all languages if one of its signals is not a number. So the outputs of a run with bad samples
-equal, sample for sample, the outputs of the run without them.
+All languages skip a sample with a signal that is not a number. So a run with bad samples has the same outputs as a run
+without these samples.
 """
 
 import math
@@ -50,7 +50,7 @@ def compiler():
 
 
 def rows_of(k, seed, n=N, share=0.02):
-    """Return rows of random signals about the working point, a share of which is bad."""
+    """Return rows of random signals, with a share of bad rows."""
     rng = np.random.default_rng(seed)
     span = 3.0
     rows = {
@@ -70,7 +70,7 @@ def rows_of(k, seed, n=N, share=0.02):
 
 
 def needed(row):
-    """Return True if a sample has all signals that it needs."""
+    """Return True if a sample has all required signals."""
     names = ["setpoint", "measurement", *(["feedforward"] if "feedforward" in row else [])]
     names += ["manual_value"] if row["manual"] else []
     names += ["track_value"] if row["tracking"] else []
@@ -99,7 +99,7 @@ def by_text(k):
 
 
 def reference_of(k):
-    """Return a function that runs the controller's own `step` with a row, after a reset."""
+    """Return a function that calls `step` of the controller with a row, after a reset."""
     k.reset()
     return lambda **row: by_step(k, row)
 
@@ -129,14 +129,13 @@ def test_output_stays_within_limits_and_faults_are_reported(run):
 
 
 def test_bad_samples_are_skipped(run):
-    """Outside manual mode, where the operator drives the signal, a run with bad samples equals the run without them."""
+    """Outside manual mode, a run with bad samples equals a run without these samples."""
     k, rows, outputs = run
     kept = [
         (row, each)
         for row, each in zip(rows, outputs, strict=True)
         if not row["manual"] and not row.get("retuned")
     ]
-    # run the samples outside manual mode, with the bad ones and without
     signals = []
     for chosen in (kept, [pair for pair in kept if needed(pair[0])]):
         k.reset()
@@ -157,7 +156,7 @@ def test_python_structured_text_and_json_match_step(run):
 
 
 def by_c(k, folder):
-    """Compile the written C; return a function that runs rows and returns control signal, fault and limit of each."""
+    """Compile the written C. Return a function that returns control signal, fault and limit for each row."""
     compiler()
     more = (", f" * k.feedforward, ", retuned != 0" * k.tunable)
     (folder / "loop.c").write_text(k.c("loop") + MAIN % more, encoding="utf-8")
@@ -184,7 +183,7 @@ def test_c_matches_step(run, tmp_path):
 
 @pytest.mark.parametrize("name", ["integral_tustin", "fed_clamping", "tuned_reset"])
 def test_bad_gains_hold_the_output(name):
-    """A program or an operator may write a bad gain into the running code. With good gains it continues."""
+    """A program or an operator may write a bad gain into the running code. With good gains the code continues."""
     k = CASES[name]
     low, high = k.limits
     for gain, usual in program(k).gains.items():
@@ -219,8 +218,7 @@ SPELLS = (*SIGNALS, "all, now and then")
 def closed(k, code, spell=None):
     """Simulate a lag of 1 in closed loop with written code. Return the rows of inputs, and the outputs.
 
-    In a spell, a signal that the mode needs is bad in every sample, or each signal is sometimes bad. Set point and load
-    step during the spell.
+    In a spell, a required signal is always bad, or each signal is sometimes bad. Set point and load step in the spell.
     """
     rng = np.random.default_rng(7)
     rows, signals, x = [], [], k.bias
@@ -247,9 +245,8 @@ def test_a_loop_recovers_within_twenty_samples_of_the_last_bad_value(name, tmp_p
     """Output and control signal return to those of the loop without bad values.
 
     From the twentieth sample after the last bad value, the difference is at most a hundredth of the largest difference
-    during the spell, or of the step of the set point if this is larger. Set point and load step during the spell. The
-    loop without bad values settles to a hundredth within twenty samples, which is asserted first. So the test judges
-    the code, and not the speed of the plant.
+    during the spell, or of the set-point step if this is larger. The loop without bad values also settles to a
+    hundredth within twenty samples, which is asserted first. So the test does not judge the speed of the plant.
     """
     k = LOOPS[name]
     _, good = closed(k, reference_of(k))
@@ -281,7 +278,7 @@ def test_manual_mode_works_with_a_broken_sensor_and_transfers_without_a_bump():
     assert k.at_limit
     assert k.step(1.0, math.nan, manual=math.nan) == 100.0
     assert k.step(1.0, math.nan) == 100.0  # back in automatic, still without a measurement
-    assert k.step(1.0, 1.0) == 100.0  # with a measurement it continues from there
+    assert k.step(1.0, 1.0) == 100.0
     assert k.step(1.0, 1.5) == pytest.approx(100.0 - 1.0 - 0.125)
 
 

@@ -1,7 +1,7 @@
 """Draw random processes, controllers, loops and records.
 
-`make test` draws a few of each, always the same; `make fuzz` sets ``FUZZ`` to the number of cases of each property and
-draws new ones at every run.
+`make test` draws the same few cases at every run. `make fuzz` sets ``FUZZ`` to the number of cases of each property and
+draws new cases at every run.
 """
 
 import os
@@ -15,7 +15,7 @@ CASES = int(os.environ.get("FUZZ", "0"))
 
 
 def cases(few, share=1.0):
-    """Return the settings of a property: `few` cases in `make test`, a `share` of FUZZ in `make fuzz`."""
+    """Return settings for `few` cases in `make test`, and for a `share` of FUZZ in `make fuzz`."""
     unhurried = {
         "deadline": None,
         "suppress_health_check": list(HealthCheck),
@@ -66,7 +66,7 @@ processes = st.one_of(stable, integrating, unstable)
 
 @st.composite
 def controllers(draw, process, proper=True):
-    """Draw a PI, PID or PIDA whose gain has the sign of the process. Its filter makes the loop retarded if `proper`."""
+    """Draw a PI, PID or PIDA whose gain has the sign of the process. If `proper`, a filter makes the loop retarded."""
     m = draw(st.integers(0, 2))
     sign = float(np.sign(process.num[-1]))
     scale = max(process.delay, 0.3)
@@ -79,6 +79,6 @@ def controllers(draw, process, proper=True):
 
 @st.composite
 def loops(draw, family=processes, proper=True):
-    """Draw a process and a controller, and return their loop, stable or not."""
+    """Draw a loop, stable or not."""
     process = draw(family)
     return pidalab.Loop(process, draw(controllers(process, proper)))

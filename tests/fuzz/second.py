@@ -1,8 +1,7 @@
 """Compute responses, poles and noise by slow, simple methods that share no code with the library.
 
-A response comes from its Laplace transform, summed as a Fourier series beside the imaginary axis. The number of
-unstable poles comes from the turns that the characteristic function makes along that axis. A sampled loop is
-stepped as one linear system.
+A response is a Fourier series of its Laplace transform. The number of unstable poles follows from the turns of the
+characteristic function along the imaginary axis. A sampled loop is stepped as one linear system.
 """
 
 import numpy as np
@@ -13,7 +12,7 @@ def response(transform, end, growth=0.0, terms=2**17, fading=14.0):
     """Return times and values of f(t) on [0, end] from F(s), for f that grows no faster than e^(growth t).
 
     The series of Dubner and Abate along Re s = a has the period 2 end. Values of later periods are damped by e^-fading.
-    The terms decrease smoothly to 0 at the last term, so that truncation of the series causes no ringing.
+    The terms are tapered smoothly to 0, so that truncation causes no ringing.
     """
     period, n = 2 * end, 2 * terms
     a = max(growth, 0.0) + fading / period
@@ -24,7 +23,7 @@ def response(transform, end, growth=0.0, terms=2**17, fading=14.0):
 
 
 def unstable_poles(process, controller):
-    """Count the unstable poles of a loop whose L vanishes at infinite frequency; return None if that fails."""
+    """Count the unstable poles of a loop whose L vanishes at infinite frequency. Return None if the count fails."""
     (b, a), (bc, ac) = (process.num, process.den), controller.fraction()
     opened, closed = np.polymul(a, ac), np.polymul(b, bc)
     roots = np.roots(opened)
@@ -32,7 +31,7 @@ def unstable_poles(process, controller):
     def characteristic(w):
         return np.polyval(opened, 1j * w) + np.polyval(closed, 1j * w) * np.exp(-1j * w * process.delay)
 
-    # beyond this frequency |L| is small, so that the rational part alone turns the function
+    # Beyond this frequency |L| is small, so only the rational part turns the function.
     largest = 10 * max(1.0, np.abs(roots).max())
     while abs(np.polyval(closed, 1j * largest) / np.polyval(opened, 1j * largest)) > 1e-3:
         largest *= 3
@@ -51,7 +50,7 @@ def unstable_poles(process, controller):
         w = np.sort(np.concatenate([w, 0.5 * (w[1:] + w[:-1])[coarse]]))
     else:
         return None
-    # from the last frequency to infinity each factor jw - p of the rational part turns on to pi / 2
+    # From the last frequency to infinity, each factor jw - p of the rational part turns to pi/2.
     on = np.sum(0.5 * np.pi - np.angle(1j * w[-1] - roots))
     on -= np.angle(f[-1] / np.polyval(opened, 1j * w[-1]))
     count = 0.5 * roots.size - (np.sum(turn) + on) / np.pi
@@ -59,9 +58,9 @@ def unstable_poles(process, controller):
 
 
 def sampled_pulse(process, waits, digital, sample_time, samples):
-    """Return the control signal after one sample of noise of height 1, for a held process and a digital controller.
+    """Return the control signal after one sample of noise of height 1, with a dead time of `waits` samples.
 
-    The dead time is `waits` samples. Sample by sample: y, then u of the measurement, then the process takes u.
+    In each sample the process gives y, the controller computes u from the measurement, and the process takes u.
     """
     a, b, c, d, _ = signal.cont2discrete(signal.tf2ss(process.num, process.den), sample_time, "zoh")
     ac, bc, cc, dc = signal.tf2ss(*digital)

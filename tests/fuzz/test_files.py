@@ -16,7 +16,7 @@ SPOILS = ("nothing", "gaps", "nan", "twice", "backwards", "words", "short", "qua
 
 @st.composite
 def tables(draw):
-    """Draw a step test, spoiled in up to three ways."""
+    """Draw a step test with up to three faults."""
     rng = np.random.default_rng(draw(st.integers(0, 2**31)))
     n = draw(st.integers(3, 300))
     t = np.cumsum(rng.uniform(0.5, 1.5, n))

@@ -1,4 +1,4 @@
-"""Tune random plants: the design keeps its limits by a second calculation, or an error explains why."""
+"""Tune random plants: by a second calculation the design keeps its limits, or an error explains why not."""
 
 import drawn
 import pytest
@@ -34,14 +34,14 @@ def test_a_design_keeps_what_it_promises(process, kind, ms, sampled):
     )
     if design is None:
         return
-    # a held signal is late by half a sample, which the design counts as dead time
+    # The design counts the hold of half a sample as dead time.
     loop = design.loop(Process(process.num, process.den, process.delay + (0.05 if sampled else 0.0)))
     runs = Loop(process, design.controller.discretise(0.1)) if sampled else loop
     margins = pidalab.margins(runs)
     assert margins.stable
     assert margins.ms <= ms * (1 + 2e-3)  # a design may neglect a very short dead time
     assert design.ms == pytest.approx(pidalab.margins(design.loop(process)).ms, rel=2e-3)
-    # the IAE is at least the error's integral, which the integral gain gives
+    # The IAE is at least the integral of the error, 1/ki.
     ki = design.controller.gains().ki
     assert design.iae >= (1 - 1e-6) * abs(1 / ki)
     if sampled:

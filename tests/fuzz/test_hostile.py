@@ -1,7 +1,7 @@
 """Replace one argument of a public call by a hostile value: an answer, or an error that explains why.
 
 Allowed errors are TypeError, ValueError, and the ArithmeticError of a method that does not apply, with messages of this
-library. Any other exception, NaN, and any warning except the warning of a doubtful record fails the test.
+library. A test fails with any other exception, NaN, or any warning except that of a doubtful record.
 """
 
 import re
@@ -155,7 +155,7 @@ def test_hostile_arguments_are_answered_or_explained(name, data):
 
 
 def numbers(answer):
-    """Yield the numbers of an answer, one level deep. Margins are left out: they are NaN for an unstable loop."""
+    """Yield the numbers of an answer, one level deep, without margins (which are NaN for an unstable loop)."""
     if isinstance(answer, pidalab.Margins):
         return
     inside = vars(answer).values() if hasattr(answer, "__dict__") else [answer]

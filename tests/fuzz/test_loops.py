@@ -13,7 +13,7 @@ NEAR = 1e-3  # allowed difference from the series, relative to the largest value
 
 
 def characteristic_turns(loop, gain=1.0, later=0.0):
-    """Return True if the loop is stable with its gain changed and its dead time longer, by the second method."""
+    """Return True if the loop with another gain and a longer dead time is stable, by the second method."""
     p = loop.process
     count = second.unstable_poles(pidalab.Process(gain * p.num, p.den, p.delay + later), loop.controller)
     assume(count is not None)
@@ -24,7 +24,6 @@ def characteristic_turns(loop, gain=1.0, later=0.0):
 @given(drawn.loops())
 @example(pidalab.Loop(pidalab.fopdt(1.0, 0.1, 0.0), pidalab.HighOrderPID([10.54, 3.162], 0.03, 1)))
 def test_responses(loop):
-    """Compare y and u after a step of the load."""
     fastest = float(np.max(pidalab.rightmost_poles(loop).real))
     end = 30 * max(loop.process.delay, 0.5)
     assume(fastest * end < 12)
@@ -33,7 +32,7 @@ def test_responses(loop):
     times = np.linspace(0, end, 301)
     response = pidalab.load_response(loop, times)
     for values, expected in ((response.y, y), (response.u, u)):
-        # the series smooths a kink over one step
+        # The series smooths a kink over one step.
         allowed = NEAR * max(np.abs(expected).max(), 1e-12) + 0.5 * np.abs(np.diff(expected)).max()
         np.testing.assert_allclose(values, np.interp(times, t, expected), rtol=0, atol=allowed)
 
@@ -52,7 +51,7 @@ def test_unstable_poles(loop):
 @drawn.cases(6)
 @given(drawn.loops())
 def test_margins(loop):
-    """A loop is stable just within its margins and unstable just beyond them. No frequency has a larger sensitivity."""
+    """A loop is stable just within its margins and unstable just beyond. No frequency has a sensitivity above Ms."""
     margins = pidalab.margins(loop)
     assert margins.stable == characteristic_turns(loop)
     if not margins.stable:
@@ -81,7 +80,7 @@ def test_margins(loop):
 @given(drawn.loops(drawn.stable), st.integers(0, 40), drawn.decades(-1.5, -0.5))
 @example(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 0.0), pidalab.HighOrderPID([0.0562, 1.0], 5.62, 3)), 0, 0.0316)
 def test_noise_gain(loop, waits, sample_time):
-    """The sum of squares of what u does after one held sample of noise, from the difference equation of the loop."""
+    """Compare with the response of u to one held sample of noise, from the difference equation of the loop."""
     p = loop.process
     controller = loop.controller.discretise(sample_time)
     try:

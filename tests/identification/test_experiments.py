@@ -1,4 +1,4 @@
-"""Identify models from records with known parameters: three points, tangent and least squares."""
+"""Identify models with known parameters by three points, tangent and least squares."""
 
 import math
 import warnings
@@ -50,7 +50,7 @@ def model_4(ratio, alpha):
 @pytest.mark.parametrize("alpha", [0.1, 0.3, 0.6, 0.9])
 @pytest.mark.parametrize("ratio", [0.2, 0.25, 0.3, 0.45, 1.0, 3.0])
 def test_three_point_warns_where_its_model_makes_an_unsafe_loop(ratio, alpha):
-    """`tune` refuses a model with a warning. Any other model is near the process, and so is the Ms of its loop."""
+    """`tune` refuses a model with a warning. Any other model has nearly the Ms of the process."""
     process, t = model_4(ratio, alpha), np.linspace(0.0, 15.0 + 15.0 * ratio, 8001)
     y = pidalab.open_loop_step(process, t).y
     if (ratio, alpha) == (0.2, 0.1):
@@ -101,7 +101,7 @@ def inflection(order, lag):
 
 @pytest.mark.parametrize("order", [2, 3, 4, 8])
 def test_tangent_of_equal_lags_is_its_closed_form(order):
-    """The slope falls short by at most |y'''| h^2 / 6: half a sample beside the steepest point, mean over a sample."""
+    """The slope is too small by at most |y'''| h^2 / 6, since it is the mean over a sample near the steepest point."""
     slope, delay = inflection(order, 2.0)
     for h in (0.1, 0.05, 0.01):
         t = h * np.arange(round(60.0 / h))
@@ -136,7 +136,7 @@ def test_tangent_ignores_a_steep_start_in_the_wrong_direction():
 
 @pytest.mark.parametrize("order", [1, 3, 4])
 def test_filtered_ramp_is_its_closed_form(order):
-    """A ramp behind n lags is t - n T_f plus a transient. The input is linear between samples, so any step is exact."""
+    """After n lags a ramp is t - n T_f plus a transient. The input is linear between samples, so any step is exact."""
     t = np.arange(0.0, 20.0, 0.25)
     lag = 0.8
     x = t / lag
@@ -198,11 +198,11 @@ def test_a_record_gives_the_model_of_its_arrays():
 def test_noise_and_irregular_times_change_the_model_little():
     messy = historian(noise=0.03, irregular=0.8)  # 0.2 % of the change
     assert fields(three_point(messy)) == pytest.approx(fields(three_point(historian())), rel=0.06)
-    # the step is known to a sample interval only, the longest of which is 0.9
+    # The time of the step is uncertain by a sample interval, at most 0.9.
     clean, noisy = ipdt_least_squares(historian()), ipdt_least_squares(messy)
     assert noisy.num[0] == pytest.approx(clean.num[0], rel=0.03)
     assert noisy.delay == pytest.approx(clean.delay, abs=0.9)
-    # a line over a third of the rise is less steep than the tangent, by the curvature
+    # Because of the curvature, a line over a third of the rise is less steep than the tangent.
     clean, noisy = ipdt_tangent(historian()), ipdt_tangent(messy)
     assert (noisy.num[0], noisy.delay) == pytest.approx((clean.num[0], clean.delay), rel=0.1)
     single = ipdt_tangent(messy, span=0.5)  # the steepest sample is noise
@@ -210,7 +210,7 @@ def test_noise_and_irregular_times_change_the_model_little():
 
 
 def settled(moved=0.0, first=0.04, top=1.0, count=40):
-    """Return samples of a ramp from 0 to 1. The last tenth is higher by `moved` than the tenth before."""
+    """Return a ramp from 0 to 1. The last tenth of the samples is higher by `moved` than the tenth before."""
     tenth = count // 10
     y = np.clip(np.linspace(first - 0.06, 1.2, count), 0.0, 1.0)
     y[0], y[1], y[count // 2] = 0.0, first, top
@@ -246,13 +246,13 @@ def test_limits_of_a_step_record(options, message, gain, rest):
 
 
 def test_time_of_rise_in_closed_form():
-    """The rise lasts from the last sample below 10 % to the first above 90 % of the mean of the last tenth."""
+    """The rise lasts from the last sample below 10 % to the first sample above 90 % of the final level."""
     t = 0.5 * np.arange(50.0)
     y = 3.0 - 2.0 * np.interp(np.arange(50.0), [10, 30], [0.0, 1.0])
     assert _rise_time(t, y) == pytest.approx(0.5 * (29 - 11))
     y[40] = 3.0  # a later sample that falls back has no effect
     assert _rise_time(t, y) == pytest.approx(0.5 * (29 - 11))
-    # the last tenth is five samples, whose mean is the final level
+    # The final level is the mean of the last tenth, five samples.
     assert _rise_time(t, np.append(np.arange(45.0), [60, 70, 50, 40, 30])) == pytest.approx(0.5 * (45 - 4))
     assert _rise_time(t[:2], np.array([0.0, 1.0])) == pytest.approx(0.5)
     assert _rise_time(t[:9], np.arange(9.0)) == pytest.approx(0.5 * 8)  # the last of nine
@@ -260,7 +260,7 @@ def test_time_of_rise_in_closed_form():
 
 @pytest.mark.parametrize(("share", "warns"), [(0.0099, False), (0.0101, True)])
 def test_noise_above_one_per_cent_of_the_change_warns(share, warns):
-    """The noise is the standard deviation before the step, the change the mean of the last tenth."""
+    """The noise is the standard deviation before the step. The change is the mean of the last tenth."""
     t = np.arange(400.0)
     clean = 3.0 * np.interp(t, [102.0, 150.0], [0.0, 1.0])
     wobble = np.where(t < 100, np.resize([1.0, -1.0], 400), 0.0) / np.sqrt(100 / 99)
@@ -272,7 +272,7 @@ def test_noise_above_one_per_cent_of_the_change_warns(share, warns):
 
 
 def test_the_least_squares_ramp_begins_within_the_shortest_stretch():
-    """Candidate ramps end at each sample after the output was last below the share. The steepest one is taken."""
+    """Candidate ramps end at each sample after the output was last below the share. The steepest ramp is taken."""
     t = 0.25 * np.arange(60)
     y = -1.0 + 4.0 * np.interp(t, [2.0, 3.0, 6.0], [0.0, 0.6, 1.0])
     for rise in (0.1, 0.5, 0.7):
@@ -291,7 +291,7 @@ def test_a_record_of_five_samples_is_enough():
 
 @pytest.mark.parametrize(("span", "width"), [(0.5, 1), (0.74, 1), (0.76, 2), (9.5, 19)])
 def test_a_span_is_rounded_to_steps(span, width):
-    """The best line over some steps of a parabola has the slope at their middle. The last steps are the steepest."""
+    """The best line through part of a parabola has the slope at the middle. The last part is the steepest."""
     t = 0.5 * np.arange(20)
     model = ipdt_tangent(t, 1.0 + t**2, span=span)
     middle = t[-1] - 0.25 * width

@@ -1,4 +1,4 @@
-"""Read the tasks of the book from its sources, and run the judge of the pages in a JavaScript interpreter."""
+"""Read the tasks of the book, and run the judge of the pages in a JavaScript interpreter."""
 
 import json
 import re
@@ -32,7 +32,7 @@ FACTS = """globalThis.pidalabForTests = {
 
 
 class Task(NamedTuple):
-    """A task, and the page that it is on."""
+    """A task and its page."""
 
     label: str
     title: str

@@ -7,7 +7,7 @@ from py_mini_racer import MiniRacer
 
 SCRIPT = Path(__file__).resolve().parents[2] / "book" / "_static" / "lab" / "engine.js"
 
-# JSON has no infinity and no nan, so they are sent as strings.
+# JSON has no infinity and no nan, so strings represent them.
 CALL = """(name, text) => {
   const asked = JSON.parse(text), words = (key, x) =>
     ArrayBuffer.isView(x) ? [...x] : typeof x === "number" && !Number.isFinite(x) ? String(x) : x;

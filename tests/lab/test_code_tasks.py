@@ -1,4 +1,4 @@
-"""Judge code tasks: right programs pass, usual slips get a helpful word, and nothing else passes."""
+"""Judge code tasks: right programs pass, usual slips get a hint, and nothing else passes."""
 
 import sys
 from pathlib import Path

@@ -40,7 +40,7 @@ def random_process(rng):
 
 
 def random_controller(rng, scale):
-    """Draw a PI, PID or PIDA with a filter from a thousandth to a third of the process's time, some just proper."""
+    """Draw a PI, PID or PIDA, some just proper, with a filter from a thousandth to a third of the process's time."""
     kp, m = 10 ** rng.uniform(-1.5, 0.7), int(rng.integers(0, 3))
     ki = kp / (scale * 10 ** rng.uniform(-0.3, 0.8)) if rng.random() < 0.9 else 0.0
     kd, ka = kp * scale * 10 ** rng.uniform(-1.5, 0), kp * (scale * 10 ** rng.uniform(-1.5, -0.3)) ** 2
@@ -81,7 +81,7 @@ def test_responses_and_margins_of_random_loops(engine):
             end = min(end, 10 * loop.process.delay or 1.0)  # before the response overflows
         try:
             true = pidalab.simulate(loop, np.linspace(0.0, end, POINTS), setpoint=setpoint, load=load)
-        except ValueError as refusal:  # rounding may leave too few digits of a growing response
+        except ValueError as refusal:  # a growing response may lose too many digits
             if verdict or "rounding leaves" not in str(refusal):
                 raise
             refused += 1
@@ -104,7 +104,7 @@ def test_mks_is_that_of_the_library(engine):
 
 
 def test_closed_form_of_an_integrator_with_dead_time(engine):
-    """K/s e^{-s} under a gain of 1/2 is piecewise polynomial: t < 1: 0, then (t-1)/2, then less (t-2)^2/8, …"""
+    """K/s e^{-s} with a gain of 1/2 has a piecewise polynomial response: 0 for t < 1, then (t-1)/2, then …"""
     loop = asked(pidalab.ipdt(1.0, delay=1.0), pidalab.HighOrderPID([0.0, 0.5], 0.0, 0))
     run = engine.simulate(**loop, end=3.0, points=301, setpoint=1.0)
     t = np.linspace(0.0, 3.0, 301)
@@ -116,7 +116,7 @@ def test_closed_form_of_an_integrator_with_dead_time(engine):
 
 
 def off(engine, true, process, controller, limits=None, **more):
-    """Return the largest deviation of a sampled run of the engine from that of the library."""
+    """Return the largest deviation of a sampled run of the engine from a run of the library."""
     case = asked(process, controller, end=true.t[-1], sampleTime=true.step, setpoint=1.0, load=true.d[-1])
     case["controller"]["limits"] = limits
     run = engine.simulateSampled(**case, **more)
@@ -137,7 +137,7 @@ def test_digital_controller_with_limits_and_noise(engine, way):
 
 
 def test_automatic_reset(engine):
-    """The fastest real zero gives the reset time. It may be the double zero of PIDA_1, or one of rounded gains."""
+    """The fastest real zero gives the reset time. It may be the double zero of PIDA_1, also with rounded gains."""
     process, t, limits = pidalab.ipdt(1.0, delay=1.0), 0.02 * np.arange(1501), (-0.1, 0.1)
     series = automatic_reset.tune(process, automatic_reset.PIDA_1, n=4, filter_time=0.2).controller
     held, backward = (
@@ -185,7 +185,7 @@ def test_backward_differences(engine, h, way, names):
 def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
     """The dead time is not a multiple of the sample time, 0.2."""
     process, controller = pidalab.Process(num, den, delay), pidalab.HighOrderPID([0.2, 0.3], 0.0, 0)
-    # without a filter the methods differ by a sample of the integral
+    # Without a filter the methods differ by a sample of the integral.
     for method, ours in (("backward", controller.discretise(0.2)), ("held", controller)):
         true = pidalab.simulate_sampled(pidalab.Loop(process, ours), 0.2 * np.arange(101), 1.0, load=-0.3)
         assert off(engine, true, process, controller, method=method) < 1e-9
@@ -193,7 +193,7 @@ def test_a_sampled_plant_with_direct_feedthrough(engine, num, den, delay):
 
 @pytest.mark.parametrize("gains", [[0.0486, 0.0641, 0.0115, 7e-5], [0.5, 0.3, 0.2, 0.001]], ids=["a", "b"])
 def test_gain_margin_of_a_loop_whose_gain_stays_finite(engine, gains):
-    """The gain at high frequency, where every phase occurs, hides no larger crossover."""
+    """Every phase occurs at high frequency. This does not hide a larger crossover."""
     process = pidalab.Process([1.0], [1.0], delay=0.37)
     controller = pidalab.HighOrderPID(gains, 0.28, 2)
     margins = engine.margins(**asked(process, controller))
@@ -213,7 +213,7 @@ def test_limits_hold_and_wide_limits_change_nothing(engine):
 
 
 def test_cache_tells_loops_apart(engine):
-    """A fresh engine gives the same answer as one that has cached another loop."""
+    """A fresh engine and an engine that has cached another loop give the same answer."""
     case = asked(pidalab.lags(2, delay=0.5), pidalab.HighOrderPID([0.5, 1.0, 0.3, 0.05], 0.1, 2))
     changed = [
         ("process", {key: value}) for key, value in (("num", [1.1]), ("den", [1, 2.1, 1]), ("delay", 0.6))
@@ -234,7 +234,7 @@ def test_cache_tells_loops_apart(engine):
 
 @pytest.mark.parametrize("delay", [0.0, 1.0])
 def test_a_peak_between_two_points_is_resolved_and_limited(engine, delay):
-    """With a filter of 0.02 and points 0.1 apart the peak is over before the first point."""
+    """The filter time is 0.02 and the points are 0.1 apart, so the peak is over before the first point."""
     process, controller = pidalab.lags(3, delay=delay), pidalab.HighOrderPID([0.36, 0.73, 0.8], 0.02, 2)
     case = asked(process, controller, end=40.0, points=401, setpoint=1.0)
     fine = engine.simulate(**case)["fine"]
@@ -266,7 +266,7 @@ def test_a_fast_filter_is_simulated_or_refused(engine, lags, order, delay):
     for time in (1e-6, 1e-7, 1e-9, 1e-12):
         with pytest.raises(ValueError, match=TOO_SHORT) as refused:
             run(time)
-        run(2 * float(str(refused.value).rsplit(" ", 1)[-1]))  # the filter time that the message names works
+        run(2 * float(str(refused.value).rsplit(" ", 1)[-1]))  # the message names a filter time that works
 
 
 BAD = [

@@ -1,4 +1,4 @@
-"""Check the hidden plants: stored optima, points, and what the reader may see."""
+"""Check the hidden plants: stored optima, points, and what the reader sees."""
 
 import random
 import re
@@ -53,7 +53,7 @@ def test_stored_optima_keep_their_limits_and_have_the_stored_iae(page, names):
 
 
 def test_the_library_finds_no_better_design(page, names):
-    """For one random plant: a search takes seconds."""
+    """One random plant is tested, since a search takes seconds."""
     plant = page.plant(name=random.choice(names))
     process = best_of(plant).process
     scale = pidalab.noise_scale(process)
@@ -67,7 +67,7 @@ def test_points_are_those_of_the_true_plant(page, names):
     for name in names:
         plant = page.plant(name=name)
         assert page.judged(name=name, given=answer_of(plant, 0.999))["points"] >= 99, name
-        if name != "tank level":  # with an integrator less gain reduces robustness
+        if name != "tank level":  # with an integrator, less gain reduces robustness
             assert 20 < page.judged(name=name, given=answer_of(plant, 0.5))["points"] < 80, name
         for factor, word in ((1.3, "Ms must be at most 1.6"), (50.0, "Unstable"), (-1.0, "other sign")):
             verdict = page.judged(name=name, given=answer_of(plant, factor))

@@ -1,4 +1,4 @@
-"""Compare the lab's rules, searches and margins with the library's."""
+"""Compare the lab's rules, searches and margins with the library."""
 
 import csv
 import json
@@ -34,7 +34,7 @@ def ruled(model, rule, process, knob, **design):
     return model.rule(rule=rule, process=plant, design={**start, **design}, knob=knob)
 
 
-# The most frequent operations: a frequency response at one point, a step over a piece of the dead time or a sample.
+# The most frequent operations.
 WORK = {
     "frequencies": "function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {",
     "pieces": "function apply(matrix, x, result) {",
@@ -78,7 +78,7 @@ CONDITIONS = [{}, {"limits": [-0.3, 0.9]}, {"noise": 0.02}, {"sampleTime": 0.05}
 @pytest.mark.parametrize("conditions", CONDITIONS, ids=str)
 @pytest.mark.parametrize("plant", ["lags3", "haalman-2", "huba-ipdt", "oscillating"])
 def test_a_change_needs_few_operations(plant, conditions, counting):
-    """50,000 operations take 50 ms on a slow laptop, if each takes a microsecond."""
+    """50,000 operations of a microsecond each take 50 ms, as on a slow laptop."""
     asked = {"plant": plant, "design": DESIGN, "conditions": conditions}
     by_gain = counting.work(**asked, changed={"design": {"kp": 0.31}})
     assert 0 < sum(by_gain.values()) < 50_000
@@ -88,7 +88,7 @@ def test_a_change_needs_few_operations(plant, conditions, counting):
     assert by_limits["frequencies"] == by_limits["pieces"] == 0  # the response without limits is cached
     by_sample_time = counting.work(**asked, changed={"conditions": {"sampleTime": 0.06}})
     assert by_sample_time["frequencies"] == 0  # the frequency grid does not depend on the sample time
-    # one for each piece of a sample, and one or two for the midpoint
+    # There is one matrix for each piece of a sample, and one or two for the midpoint.
     assert 0 < by_sample_time["matrices"] <= 4
 
 
@@ -109,7 +109,7 @@ def loop_of(process, design):
 
 
 PLANTS = [
-    # the lags differ, since rounding would spread a double one
+    # The lags differ, since rounding would spread a double lag.
     pidalab.Process([1.0], [24.0, 50.0, 35.0, 10.0, 1.0]),
     pidalab.Process([2.0], [6.0, 11.0, 6.0, 1.0], delay=0.4),
     pidalab.Process([-0.5, 1.0], [30.0, 31.0, 10.0, 1.0], delay=1.0),
@@ -140,7 +140,7 @@ def test_gain_rule_of_an_unstable_plant_has_the_right_sign(gain, model):
 def test_cancellation_has_the_zeros_of_the_library(model):
     process = pidalab.Process([1.0], [0.8, 3.0, 3.3, 1.0], delay=0.8)
     design = ruled(model, "cancellation", process, 1.4, kind="PIDA", filterTime=0.01)
-    # the filters are far above the crossover
+    # The filters are far above the crossover.
     true = pidalab.rules.haalman.pida(process, ms=1.4, n=100, m=1e4)
     assert [design[key] for key in ("ti", "td", "ta")] == pytest.approx([true.ti, true.td, true.ta], rel=1e-6)
     assert pidalab.margins(loop_of(process, design)).ms == pytest.approx(1.4, rel=1e-6)
@@ -153,7 +153,7 @@ SECOND = [pidalab.sopdt(2.0, 3.0, xi, 3.0 * r) for xi, r in ((0.4, 0.3), (0.8, 0
 
 
 def of_library(rule, process, kind):
-    """Return the controller of the library for a rule of the page, behind the filter that `test_rules` gives it."""
+    """Return the controller of the library for a rule of the page, with the filter of `test_rules`."""
     m = KINDS.index(kind)
     if rule == "simc":
         return classical.simc(process, kind=kind, closed_loop_time=0.7).controller
@@ -196,14 +196,14 @@ with SCRIPT.parents[3].joinpath("tests", "lab", "least_iae.csv").open(encoding="
     LEAST = list(csv.DictReader(file))
 
 
-# The cases with the largest IAE relative to the library's
+# The cases whose IAE exceeds that of the library the most.
 HARDEST = (39, 28, 10, 23, 75, 90, 27, 4, 49, 11, 56)
 ROWS = range(100) if "FUZZ" in os.environ else HARDEST
 
 
 @pytest.mark.parametrize("part", range(10))
 def test_least_iae_matches_the_library(part, model):
-    """Take the hardest of 100 random cases, or all with FUZZ: the IAE is within 0.5 %, and no limit is missed."""
+    """The IAE is within 0.5 % and no limit is missed in the hardest of 100 random cases, with FUZZ in all."""
     model.context.eval(FIND)
     for row in (LEAST[k] for k in ROWS[part::10]):
         num, den = (list(map(float, row[key].split())) for key in ("num", "den"))
@@ -294,7 +294,7 @@ SHOWN = """pidalabEngine.shown = ({process, design, end}) => {
 def test_a_plant_without_lag_and_a_controller_without_filter_have_all_numbers(
     num, den, delay, td, time, model
 ):
-    """Except for the noise gain, if there is none."""
+    """Only the noise gain may be missing."""
     model.context.eval(SHOWN)
     kind, order = ("PID", 2) if td else ("PI", 1)
     design = {"kind": kind, "kp": 0.3, "ti": 2.0, "td": td, "ta": 0, "filterTime": time, "filterOrder": order}
@@ -314,7 +314,7 @@ def test_a_plant_without_lag_and_a_controller_without_filter_have_all_numbers(
 
 @pytest.mark.parametrize("h", [0.1, 0.4, 0.777])
 def test_curves_of_a_digital_loop_are_those_of_the_library(h, model):
-    """Compare the sampled process and Ms of the curve."""
+    """Compare the sampled process, and the Ms of the curve."""
     process = pidalab.Process([0.3, 1.0], [2.0, 3.0, 1.0], delay=0.777)
     controller = pidalab.HighOrderPID([0.3, 0.9, 0.7, 0.2], 0.1, 3)
     response = model.sampledResponse(**asked(process, controller), sampleTime=h)
@@ -332,11 +332,11 @@ SAMPLED = [  # process, gains, filter time and order, sample time, whether stabl
         for gains in ([0.25, 0.5], [0.3, 0.8, 0.7, 0.2])
         for h in (0.03, 0.2, 1.0)
     ),
-    # a sample time can make a loop unstable, and a longer one stable again
+    # A sample time may make a loop unstable, and a longer one may make it stable again.
     *((LAGS, [0.5, 1.0], 0.1, 3, h, h != 2.0) for h in (0.1, 1.0, 2.0, 4.0)),
-    # a dead time of more than a hundred lags: a peak for each of its turns, and not the first is the highest
+    # With a dead time of more than a hundred lags, |S| has many peaks, and the first is not the highest.
     (pidalab.fopdt(1.0, 0.1428, 16.845), [0.0016, 0.9046], 0.0675, 2, 0.168, True),
-    # near the border of stability the impulse response decays slowly
+    # Near the limit of stability the impulse response decays slowly.
     (pidalab.ipdt(2.0, delay=5.0), [0.1, 0.5], 0.1, 1, 0.2, False),
     (pidalab.ipdt(2.0, delay=0.5), [0.02, 0.1], 0.1, 1, 0.2, True),
     (pidalab.Process([0.5], [1.0, 25.0, 40.0, 0.0], delay=0.6), [0.02, 1.0], 0.1, 1, 0.2, True),
@@ -351,7 +351,7 @@ SAMPLED = [  # process, gains, filter time and order, sample time, whether stabl
 def test_ms_of_a_digital_loop_is_that_from_sample_to_sample(
     process, gains, time, order, h, stable, end, model
 ):
-    """The result does not depend on the length of the drawn response."""
+    """The Ms does not depend on the length of the drawn response."""
     controller = pidalab.HighOrderPID(gains, time, order)
     loop = pidalab.Loop(process, controller.discretise(h))
     margins = model.sampledMargins(**asked(process, controller), sampleTime=h, end=end)
@@ -371,7 +371,7 @@ def test_a_digital_loop_that_takes_too_many_samples_is_unknown(model):
 @pytest.mark.parametrize("m", [2, 3])
 def test_phase_margin_and_peak_beyond_the_crossover(m, te, model):
     design = mrdp.tune(pidalab.ipdt(1.0, delay=1.0), m, m + 1, te)
-    # the lab knows no third derivative: PIDA, with the filter of that order
+    # The lab has no third derivative, so it uses a PIDA with a filter of that order.
     controller = pidalab.HighOrderPID(
         design.controller.coefficients[:4], design.controller.filter_time, m + 1
     )
@@ -390,7 +390,7 @@ def test_phase_margin_and_peak_beyond_the_crossover(m, te, model):
 def test_a_falling_gain_has_no_peak_beyond_the_crossover(model):
     loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.HighOrderPID([0.3, 1.0], 0.1, 1))
     assert model.beyond(**asked(loop.process, loop.controller))["hump"] == 0
-    never = pidalab.HighOrderPID([0.0, 0.5], 0.1, 1)  # without an integral the gain starts at 0.5
+    never = pidalab.HighOrderPID([0.0, 0.5], 0.1, 1)  # the gain starts at 0.5
     assert np.isnan(model.beyond(**asked(loop.process, never))["hump"])
 
 
@@ -403,7 +403,7 @@ SHAPED = {"gain": {"ti": 3.0, "td": 1.0, "ta": 0.3}, "cancellation": {}, "magnit
     ("rule", "kind"), [pair for pair in product(SHAPED, KINDS) if pair != ("simc", "PIDA")]
 )
 def test_rules_on_equal_terms_have_one_ms_and_one_noise(rule, kind, noise, model):
-    """They keep the shape of the rule. With the shortest filter they may need less noise."""
+    """The designs keep the shape of the rule. With the shortest filter they may need less noise."""
     model.context.eval(ALIKE)
     process, order = pidalab.Process([2.0], [1.5, 6.0, 5.5, 1.0], delay=0.4), KINDS.index(kind)
     plant = {"num": [2.0], "den": [1.5, 6.0, 5.5, 1.0], "delay": 0.4, "end": 50.0}

@@ -1,4 +1,4 @@
-"""Check that all parts of the library and the pages give the same relative noise gain."""
+"""Check that all functions and pages give the same relative noise gain."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ def test_noise_scale_matches_the_library(process, model):
 
 
 def doors(process, loop, design, model):
-    """Return the relative noise gain of a controller on a plant by every function that computes it."""
+    """Return the relative noise gain by every function that computes it."""
     scale, plant = pidalab.noise_scale(process), plant_of(process)
     by_hand = pidalab.rules.Design(process, loop.controller, source="by hand")
     design_row = measure_row("one", "PIDA", lambda: by_hand, process, scale.sample_time, horizon=40.0)
@@ -86,7 +86,7 @@ def test_all_functions_give_the_same_relative_noise_gain(numbers, model):
 
 
 def test_relative_noise_gain_of_random_loops_matches_the_library(model):
-    """Filters faster than a sample of the noise use backward differences."""
+    """Filters that are faster than a sample of the noise use backward differences."""
     compared = 0
     for loop, _, _ in random_loops(40, seed=23):
         gains = [*loop.controller.coefficients, 0.0, 0.0, 0.0][:4]

@@ -1,4 +1,4 @@
-"""Drop records of lags and integrators, with and without noise, into the lab: each gives a design."""
+"""Drop records of lags and integrators into the lab, with and without noise."""
 
 import random
 
@@ -52,7 +52,7 @@ def lab():
 
 @pytest.mark.parametrize("turn", range(4))
 def test_record_gives_a_safe_design(turn, lab):
-    """Each run tries some records, since all take half a minute."""
+    """Each run tries some records, since all would take half a minute."""
     name = random.choice(sorted(PLANTS)[turn::4])
     plant, scale, noise = PLANTS[name]
     t = np.linspace(0.0, 6.0 * scale, 400)
@@ -60,7 +60,7 @@ def test_record_gives_a_safe_design(turn, lab):
     y += noise * np.ptp(y) * np.random.default_rng(5).standard_normal(t.size)
     found = lab.drop(text="\n".join(f"{a:.6g},{b:.6g}" for a, b in zip(t, y, strict=True)))
     assert found["own"]["gain"] * plant.num[-1] > 0
-    # the limit of noise that the lab takes from a record
+    # The lab takes its limit of noise from the record.
     model = pidalab.Process(*(found["process"][key] for key in ("num", "den", "delay")))
     own = 0.1 * found["span"] / max(3.0 * found["sigma"] * pidalab.noise_scale(model).gain, 1e-9)
     best = lab.find(
@@ -76,7 +76,7 @@ def test_record_gives_a_safe_design(turn, lab):
 
 @pytest.mark.parametrize("lag", [1e-2, 1e-4, 1e-6])
 def test_negligible_lags_change_nothing(lag, lab):
-    """Their poles are beyond the highest frequency of the search."""
+    """The poles of these lags are beyond the highest frequency of the search."""
     plant = pidalab.Process([2.0], np.convolve([3.0, 1.0], np.convolve([lag, 1.0], [lag, 1.0])), 1.0)
     alone, behind = (
         lab.find(

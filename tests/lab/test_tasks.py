@@ -1,5 +1,4 @@
-"""Every task of the book: its printed answer is right, wrong ones get their word, and what the page computes of it is
-what the library computes."""
+"""Check every task of the book: printed answers are right, wrong ones get a hint, and pages match the library."""
 
 import math
 import random
@@ -130,7 +129,7 @@ def test_text_is_judged_as_its_number(page, task):
             assert verdict.get("refused"), text
 
 
-# --- what is known by hand, or by another way of the library ---------------------------------------------------------
+# --- results by hand, or by another method of the library ------------------------------------------------------------
 
 
 def key_of(label):
@@ -238,7 +237,7 @@ def test_iae_limit_is_a_tenth_above_the_optimum(task):
     assert limits["iae"] == pytest.approx(1.1 * best, rel=2e-3)
 
 
-# --- and a bad one is caught -----------------------------------------------------------------------------------------
+# --- bad tasks are refused -------------------------------------------------------------------------------------------
 
 
 def test_a_task_needs_four_parts():
@@ -263,7 +262,7 @@ def test_a_filter_may_be_too_long(page):
     assert "too small" in page.judge(BY_LABEL["task-4-1"].data, {"Tf": 0.001})["say"]
 
 
-# --- fifty answers to each task, right and wrong, against the library ------------------------------------------------
+# --- fifty right and wrong answers to each task, by the library -------------------------------------------------------
 
 ANSWERS = 50
 SIDE = (-4e-3, 5e-4)  # relative distances to a limit that the page ignores, since answers have three digits
@@ -288,7 +287,7 @@ def answers(data, count, seed):
 
 
 def truth(data, given):
-    """Return True if an answer is right by the library, False if wrong, None if it is too near to a limit."""
+    """Return True or False if an answer is right or wrong by the library, None if it is too near to a limit."""
     if data["kind"] == "number":
         key, off = data.get("value", data["key"]["answer"]), data.get("error", 0)
         tolerance = off or data["within"] * abs(key)
@@ -315,7 +314,7 @@ def truth(data, given):
 
 
 def fact(data, loop, given, name):
-    """Return one fact of a loop by the library; infinite where the loop is unstable."""
+    """Return one fact of a loop by the library, infinite for an unstable loop."""
     where, _, which = name.rpartition(".")
     plant, C = plant_of(data["plants"][where] if where else data["plant"], given), controller_of(loop)
     if "u0" in loop:

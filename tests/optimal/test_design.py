@@ -1,4 +1,4 @@
-"""Check the optimum: limits are kept at all frequencies, and oracles and rivals have no lower IAE."""
+"""Check the optimum: it keeps its limits at all frequencies, and no oracle or rival has a lower IAE."""
 
 import csv
 import importlib
@@ -35,7 +35,7 @@ def keeps(design, ms, mks=math.inf):
 
 
 def test_the_search_finds_the_better_of_two_local_optima():
-    """A PIDA near the PID has an IAE of 3.41. A PIDA with a slower filter reduces the IAE by a fifth."""
+    """A PIDA near the PID has an IAE of 3.41. A PIDA with a slower filter has a fifth less."""
     pid, pida = (pidalab.optimal.load(THIRD, order, ms=1.4, mks=20.0) for order in (1, 2))
     assert keeps(pid, 1.4, 20.0)
     assert keeps(pida, 1.4, 20.0)
@@ -45,14 +45,14 @@ def test_the_search_finds_the_better_of_two_local_optima():
     assert pida.edge == ()
     assert pida.digits == 9
     assert pida.valleys[0] == pida.iae
-    assert any(other == pytest.approx(3.41, rel=0.02) for other in pida.valleys)  # the one near the PID
+    assert any(other == pytest.approx(3.41, rel=0.02) for other in pida.valleys)
     response = pidalab.load_response(pida.loop(), np.linspace(0.0, 200.0, 8001))
     assert pida.iae == pytest.approx(response.iae(), rel=1e-6)
 
 
 @pytest.mark.parametrize("second", [1.0, 60.0])
 def test_valleys_list_local_optima_in_any_unit_of_time(second):
-    """One local optimum is nearly the best PID. A search that starts from a design reports that optimum alone."""
+    """One local optimum is nearly the best PID. A search that starts from a design lists only that optimum."""
     process = pidalab.lags(3, lag=second, delay=second)
     pid, pida = (pidalab.optimal.load(process, order, ms=1.4, mks=20.0) for order in (1, 2))
     assert pida.valleys == pytest.approx((pida.iae, pid.iae), rel=0.01)
@@ -70,7 +70,7 @@ def test_valleys_list_local_optima_in_any_unit_of_time(second):
     ],
 )
 def test_no_rival_has_a_lower_iae(process, most, h, gains, filter_time):
-    """Two rivals have a small highest derivative. For the third plant, a search may miss a limit by a millionth."""
+    """Two rivals have a small highest derivative. On the third plant, a search may exceed a limit by a millionth."""
     order = len(gains) - 2
     rival = Loop(process, HighOrderPID(gains, filter_time, order + 1))
     assert pidalab.max_sensitivity(rival)[0] <= 2.0
@@ -97,7 +97,7 @@ def test_noise_gain_is_kept_behind_a_filter_that_can_be_sampled(process, order, 
 
 
 def test_sampled_noise_matches_noise_gain():
-    """Loops close to the stability limit of the sampled loop and beyond it are included."""
+    """Some loops are near the stability limit of the sampled loop or beyond it."""
     problem, h = Problem(pidalab.ipdt(1.0, 1.03), 1, (1.0, 1.0)), 0.2
     fine = SampledNoise(problem, h, 12)
     for gain in (0.2, 0.5, 0.7):
@@ -110,7 +110,6 @@ def test_sampled_noise_matches_noise_gain():
 
 
 def test_the_sign_and_the_units_of_a_process_do_not_matter():
-    """The process also has other units of time and gain."""
     plain = pidalab.optimal.load(pidalab.fopdt(1.0, 2.0, 1.0), 0, ms=1.5)
     other = pidalab.optimal.load(pidalab.fopdt(-4.0, 120.0, 60.0), 0, ms=1.5)
     assert other.iae == pytest.approx(60 * 4 * plain.iae, rel=1e-4)
@@ -137,7 +136,7 @@ def test_integrators_alone_are_limited_by_noise_only():
     process = pidalab.Process([1.0], [1.0, 0.0, 0.0])
     quiet, loud = (pidalab.optimal.load(process, 1, ms=1.4, mks=m) for m in (20.0, 80.0))
     assert keeps(quiet, 1.4, 20.0)
-    # four times the noise allows half the time scale
+    # Four times the noise allows half the time scale.
     assert quiet.iae / loud.iae == pytest.approx(8.0, rel=1e-3)
 
 
@@ -196,7 +195,7 @@ def test_a_random_tenth_of_the_stored_optima_is_reproduced(monkeypatch):
 
 
 def test_a_search_uses_one_thread_and_restores_the_setting(monkeypatch):
-    """Threads made a design ten times slower, since its matrices are small."""
+    """Threads make a design ten times slower, since its matrices are small."""
 
     def threads():
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
@@ -230,12 +229,12 @@ def test_values_of_valleys_differ_by_a_hundredth_and_are_no_more_than_twice_the_
     assert _valleys(1.0, [2.0, 1.0099, 1.5, 1.514, 1.99, 2.5]) == (1.0, 1.5, 1.99)
     assert _valleys(1.0, [1.0101]) == (1.0, 1.0101)
     assert _valleys(3.0, []) == (3.0,)
-    # a search may end slightly beyond a limit, with a lower IAE than the best design within it
+    # A search may end slightly beyond a limit, with a lower IAE than the best design within the limit.
     assert _valleys(3.0783, [3.0727, 3.6649, 3.6601]) == (3.0783, 3.6601)
 
 
 def test_an_optimum_meets_its_conditions():
-    """From points nearby Newton's method converges to the same optimum, to nine digits. No feasible step is better."""
+    """From nearby points Newton's method finds the same optimum to nine digits. No feasible step is better."""
     unit = unit_of_time(THIRD, Requirements(ms=1.4, mks=20.0))
     search = Search(Problem(THIRD, 1, (abs(complex(THIRD(1j / unit))), unit)), Requirements(ms=1.4, mks=20.0))
     start = search.descend(np.array([0.3, 0.4, 0.3, -4.0]))[1]
@@ -246,8 +245,7 @@ def test_an_optimum_meets_its_conditions():
     loop, x = search.loop(ends[0].x), ends[0].x
     assert pidalab.max_sensitivity(loop)[0] == pytest.approx(1.4, rel=2e-9)
     assert pidalab.robustness.max_control_sensitivity(loop)[0] == pytest.approx(20.0, rel=2e-9)
-    # Along directions that keep the active limits, the IAE of the engine has slope 0. The slopes of the limits are
-    # differences of the measures.
+    # Along directions that keep the active limits, the IAE of the engine has slope 0.
     t = np.linspace(0.0, 200.0 * unit, 8001)
     measures = (
         lambda x: math.log(pidalab.max_sensitivity(search.loop(x))[0]),
@@ -263,7 +261,7 @@ def test_an_optimum_meets_its_conditions():
 
 
 def test_area_below_zero_and_its_gradient():
-    """A straight line from 1 to -3 is below zero for three quarters of a step, which is an area of 9/8."""
+    """A straight line from 1 to -3 is below zero for three quarters of a step, with an area of 9/8."""
     area, slope = _other_side(np.array([1.0, -3.0, -1.0, 2.0, 0.0]))
     assert area == pytest.approx(9 / 8 + 2.0 + 1 / 6)
     assert slope[-1] == 0.0
@@ -285,9 +283,9 @@ MIGO = {
 
 @pytest.mark.parametrize("name", MIGO)
 def test_the_pi_controllers_of_migo(name):
-    """The circle of MIGO, which encloses those of Ms = M and Mt = M, is a disk margin of 2/(2M - 1).
+    """The circle of MIGO, which encloses the circles of Ms = M and Mt = M, is a disk margin of 2/(2M - 1).
 
-    Such PI loops do not cross zero after a load, so that the least IAE is the largest integral gain.
+    The error of these loops does not change its sign after a load, so the least IAE has the largest integral gain.
     """
     process, kp, ti = MIGO[name]
     design = pidalab.optimal.load(process, 0, disk=2 / 1.8)
@@ -298,7 +296,6 @@ def test_the_pi_controllers_of_migo(name):
 
 
 def test_a_limit_of_mt_is_kept_and_raises_the_iae():
-    """Without the limit this PID has a larger Mt."""
     process, *_ = MIGO["lags-apart"]
     free, kept = (pidalab.optimal.load(process, 1, ms=1.6, mks=500.0, mt=mt) for mt in (None, 1.1))
     assert pidalab.margins(free.loop()).mt > 1.1
@@ -320,8 +317,8 @@ def test_the_progress_bar_starts_no_thread(monkeypatch):
 
 # Compare the optimum with a lower bound for PI controllers, and with optima of high precision.
 #
-# The search computes the IAE with straight lines between samples. Since the optimum is flat, the least IAE is wrong by
-# at most END. The limits are kept to a billionth.
+# The search computes the IAE with straight lines between samples, but since the optimum is flat, the least IAE is wrong
+# by at most END. The limits are kept to a billionth.
 
 END = 1e-6
 

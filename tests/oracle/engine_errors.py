@@ -38,7 +38,7 @@ def sampled_oracle_loop(case, digital=True):
 
 
 def worst_error(case, points):
-    """Return the largest error over all signals and times, and its place. Each time ends a grid of `points` points."""
+    """Return the largest error of all signals and times, and its place. Each time is the end of a grid of `points`."""
     loop, worst = oracle_loop(case), (0.0, "")
     driven = [name for name in INPUTS if name in case["values"]]
     for i, time in enumerate(case["times"]):
@@ -59,7 +59,7 @@ def worst_error(case, points):
 def scale(case, name, signal, i):
     """Return the scale of an error at the time with index i, by default max(1, |value|).
 
-    After a peak of the control signal, the scale is the peak. For a diverging response it is the running envelope.
+    After a peak of the control signal, the scale is the peak. For a diverging response it is the envelope so far.
     """
     values = np.abs(np.array(case["values"][name][signal][: i + 1], dtype=float))
     envelope = case["envelope"][name][signal][i] if "envelope" in case else 0.0

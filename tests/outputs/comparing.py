@@ -1,21 +1,17 @@
 """Compare stored outputs of a notebook with fresh outputs: text exactly, figures by what they draw.
 
 nbval compares outputs as strings. This is right for text, which shows only digits that are the same on every processor.
-But a figure is an SVG whose coordinates have six decimals, and the last decimals depend on the processor. So an SVG is
-compared element by element:
+But the last decimals of the coordinates in an SVG depend on the processor. So an SVG is compared element by element:
 
 * Elements and their order, words, names and line styles must be the same.
 * Coordinates may differ by a thousandth of the size of their axes (outside axes, of the figure) or by a quarter of a
   point, whichever is larger. A quarter of a point is a seventh of the width of a line.
 * Colours may differ by two of 255 levels, and other numbers by a thousandth of their value.
-* Lines are compared by their course. Matplotlib drops points that lie within a ninth of a point of the line through
-  their neighbours, and rounding decides which points are dropped. If the points differ, each line must stay within the
-  tolerance of the other line.
+* Each line must stay within the tolerance of the other line. Their points may differ: Matplotlib drops points that lie
+  within a ninth of a point of the line through their neighbours, and rounding decides which.
 
-Names of markers and clip paths depend on the coordinates. So these names are not compared, but the elements to which
-they refer are. The start values of a live figure are compared to one part in 10,000. nbval compares everything else.
-
-Numbers are compared with tolerances, not as rounded digits, since 0.04999 and 0.05001 round differently.
+Names of markers and clip paths depend on the coordinates. So the elements to which they refer are compared instead. The
+start values of a live figure are compared to one part in 10,000. nbval compares everything else.
 
 This module is a plug-in of pytest that changes how nbval compares outputs.
 """
@@ -33,9 +29,9 @@ from matplotlib.image import imread
 from nbval.plugin import IPyNbCell
 
 THOUSANDTH = 1e-3
-HAIR = 0.25  # in points; two lines that are simplified differently may be 2/9 apart
-LEVELS = 2  # of 255, of a colour: a hundredth of a colour axis
-DESIGN = 1e-4  # of a number that a live figure starts from, written with six digits
+HAIR = 0.25  # in points; two simplified lines may be 2/9 apart
+LEVELS = 2  # of 255 levels of a colour
+DESIGN = 1e-4  # relative difference of a start value, which has six digits
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 COLOUR = re.compile(r"#([0-9a-f]{6})\b")
@@ -43,7 +39,7 @@ GENERATED = re.compile(r"[a-z][0-9a-f]{10}|image[0-9a-f]{10}")
 REFERENCE = re.compile(r"url\(#(.+?)\)|^#(.+)$")
 TOKEN = re.compile(rf"[A-Za-z]|{NUMBER.pattern}")
 LIVE = re.compile(r'(?<=<script type="application/json">)(.*?)(?=</script>)', flags=re.DOTALL)
-UNSEEN = ("metadata", "defs")  # what is defined is compared where it is used
+UNSEEN = ("metadata", "defs")  # definitions are compared where they are used
 ALONG = {"x": 0, "width": 0, "y": 1, "height": 1}
 
 Element = ET.Element
@@ -51,7 +47,7 @@ Tolerance = tuple[float, float]
 
 
 class Different(Exception):
-    """Raised if two figures do not draw the same. The message gives the place and the difference."""
+    """Raised with the place and the difference if two figures do not draw the same."""
 
 
 def figure_difference(stored: str, fresh: str) -> str | None:
@@ -77,7 +73,7 @@ def figure_difference(stored: str, fresh: str) -> str | None:
 
 
 def live_difference(stored: str, fresh: str) -> str | None:
-    """Compare two outputs in HTML. A live figure stores its start values there as JSON.
+    """Compare two outputs in HTML, in which a live figure stores its start values as JSON.
 
     Parameters
     ----------
@@ -87,7 +83,7 @@ def live_difference(stored: str, fresh: str) -> str | None:
     Returns
     -------
     str or None
-        The first difference in words, or None. Everything except this JSON must be identical.
+        The first difference in words, or None. All except this JSON must be identical.
     """
     if stored == fresh:
         return None
@@ -144,7 +140,7 @@ class _Pair:
     stored: Element
     fresh: Element
     defined: tuple[dict[str, Element], dict[str, Element]] = field(init=False)
-    alike: set[tuple] = field(default_factory=set)  # pairs of definitions found to be alike
+    alike: set[tuple] = field(default_factory=set)  # pairs of equal definitions
 
     def __post_init__(self) -> None:
         self.defined = tuple(
@@ -179,7 +175,7 @@ class _Pair:
             raise Different(f"{here}: {len(inside[0])} parts stored, {len(inside[1])} now")
 
     def attributes(self, a: Element, b: Element, within: Tolerance, here: str) -> None:
-        """Compare the attributes of two elements. The comparison depends on the kind of attribute."""
+        """Compare the attributes of two elements."""
         if a.keys() != b.keys():
             raise Different(f"{here}: attributes {a.keys()} stored, {b.keys()} now")
         for key, old in a.items():
@@ -226,7 +222,7 @@ def _tolerance(width: float, height: float) -> Tolerance:
 
 
 def _of_axes(axes: Element) -> Tolerance | None:
-    """Return the tolerance within axes, from the size of their frame. Return None if no frame is drawn."""
+    """Return the tolerance within axes, from the size of their frame, or None without a frame."""
     frame = next((part for part in axes if (part.get("id") or "").startswith("patch_")), None)
     path = None if frame is None else next((part for part in frame if _tag(part) == "path"), None)
     return None if path is None else _tolerance(*np.ptp(_points(path.get("d"))[1], axis=0))
@@ -300,7 +296,7 @@ def _segments(commands: str, points: np.ndarray) -> np.ndarray:
 
 
 def _farthest(lines: np.ndarray, others: np.ndarray) -> float:
-    """Return the largest distance of points on lines from other lines. The points are twenty tolerances apart."""
+    """Return the largest distance of some lines from others, at points that are twenty tolerances apart."""
     count = np.ceil(np.hypot(*np.diff(lines, axis=1)[:, 0].T) / 20).astype(int) + 1
     share = np.concatenate([np.linspace(0.0, 1.0, n) for n in count])[:, None]
     start, end = (np.repeat(lines[:, k], count, axis=0) for k in (0, 1))

@@ -1,9 +1,9 @@
 """Compute numbers that pages show outside the ledger by a second method.
 
 nbval proves that a page still computes the numbers that it shows, but not that they are right. Each entry of `SHOWN`
-finds numbers in the stored outputs or sentences of a page, and computes them again without the library. The second
-method is a closed form, a dense grid of frequencies, a Fourier series of the transform, or a table that a study wrote.
-`drawn` computes a row of such a table again. Each entry of `SAME` finds two places that show the same quantity.
+finds numbers in outputs or sentences of a page, and computes them again without the library. The second method is a
+closed form, a dense grid of frequencies, a Fourier series, or a table of a study. `drawn` checks a row of such a table.
+Each entry of `SAME` finds two places that show the same quantity.
 """
 
 import csv
@@ -45,7 +45,7 @@ def text_of(page: str) -> str:
 
 
 def table_rows(html: str) -> list[str]:
-    """Return the rows of tables, with bars between cells. A label that spans several rows is repeated in each row."""
+    """Return the rows of tables with bars between cells. A label of several rows is repeated in each row."""
     found, label, left = [], "", 0
     for row in re.findall(r"<tr.*?</tr>", html, re.DOTALL):
         cells = [
@@ -61,7 +61,7 @@ def table_rows(html: str) -> list[str]:
 
 
 def numbers(page: str, pattern: str) -> list[str]:
-    """Return the numbers of the first match of a pattern, or no numbers if the pattern does not match."""
+    """Return the numbers of the first match of a pattern, or none."""
     found = re.search(pattern, text_of(page))
     return [one.replace("−", "-") for one in found.groups()] if found else []
 
@@ -132,16 +132,13 @@ def lecture_1() -> dict[str, tuple[float, float]]:
 
 
 def with_three_lags(kind: str) -> list[float]:
-    """Return gain, Ms and IAE of one of these controllers, and then 1/ki twice, since it equals both IE and IAE."""
+    """Return gain, Ms and IAE of one of these controllers, and 1/ki twice, since IE = IAE = 1/ki."""
     k, error, integral = lecture_1()[kind]
     return [k, 1.4, error, 1 / integral, 1 / integral, error]
 
 
 def sampled_ms(h: float) -> float:
-    """Return Ms of the PIDA of lecture 6 by backward differences, with a held plant input.
-
-    The dead time is a whole number of samples.
-    """
+    """Return Ms of the PIDA of lecture 6 by backward differences. The dead time is a whole number of samples."""
     a, b, c, _, _ = cont2discrete(tf2ss([1.0], [1.0, 3.0, 3.0, 1.0]), h, "zoh")
     w = np.linspace(1e-3, pi / h, 4001)
     z = np.exp(1j * h * w)
@@ -185,7 +182,7 @@ def least(path: Path, ms: str = "1.4") -> dict[tuple[str, ...], float]:
 def saved(
     path: Path, noise: str = "", order: int = 2, ms: str = "1.4", of: Sequence[str] = ()
 ) -> list[float]:
-    """Return by how many per cent an order reduces the IAE of the next lower order, for some plants or all plants."""
+    """Return by how many per cent an order reduces the IAE of the next lower order, for some or all plants."""
     known = least(path, ms)
     return [
         100 - 100 * known[key] / known[lower]
@@ -217,16 +214,16 @@ def of_rolloff(name: str) -> list[float]:
         slope = (gain[0] - gain[1]) / np.log(1.001 / 0.999)
         return (
             low <= float(f"{slope:.5g}") < high
-        )  # as many digits as the study writes: a slow lag has a slope of 1
+        )  # rounded as in the study, since a slow lag has a slope of 1
 
     loud, quiet = (saved(OPTIMA, noise, of=plants(kept)) for noise in ("1.5", "0.3"))
     return [len(loud), median(loud), min(loud), max(loud), median(quiet)]
 
 
 def ranked(rule: str, kind: str) -> list[float]:
-    """Return the plants to which a rule applies, and its IAE divided by the best IAE of its kind and of all kinds.
+    """Return the plants of a rule, and its IAE divided by the best IAE of its kind and of all kinds.
 
-    The ratios are given as medians and as the limit of the worst tenth.
+    Each ratio is given as its median and as the limit of the worst tenth.
     """
     known, order = least(OPTIMA), str(("PI", "PID", "PIDA").index(kind))
     of_kind, of_all = [], []
@@ -239,7 +236,7 @@ def ranked(rule: str, kind: str) -> list[float]:
 
 
 def as_published(rule: str, kind: str) -> list[float]:
-    """Return plants, median and highest tenth of Ms, noise, and loops that are unstable because of a wrong model."""
+    """Return plants, median and highest tenth of Ms, noise, and loops that a wrong model makes unstable."""
     rows = [
         row
         for row in table(COMPARISON)
@@ -254,7 +251,7 @@ def as_published(rule: str, kind: str) -> list[float]:
 def drawn(path: Path, rng: np.random.Generator) -> tuple[str, list[float], list[float]]:
     """Draw an optimum of a study. Return its plant, and Ms, IAE and relative noise gain as stored and from its gains.
 
-    The second noise gain is that of the continuous controller with held noise, which is about a per cent lower.
+    The computed noise gain, of the continuous controller with held noise, is about a per cent lower.
     """
     row = rng.choice([row for row in table(path) if row["iae"] and row["order"] in ("1", "2")])
     (plant,) = (one for one in table(PROCESSES) if one["plant"] == row["plant"])
@@ -278,7 +275,7 @@ def drawn(path: Path, rng: np.random.Generator) -> tuple[str, list[float], list[
 
 
 def lower_peaks() -> list[float]:
-    """Return by how many per cent the load peaks of the proposed rule are below those of ITAE-2, as heo2023 shows."""
+    """Return by how many per cent the proposed rule has lower load peaks than ITAE-2, as heo2023 shows."""
     peaks = [
         [float(numbers(HEO, rf"\nExample {k}, {rule} \|.* {N}\n")[0]) for rule in ("ITAE-2", "proposed")]
         for k in (1, 2, 3)
@@ -287,7 +284,7 @@ def lower_peaks() -> list[float]:
 
 
 def heo_itae(k: int, rule: str) -> list[float]:
-    """Return the ITAE that heo2023 shows for Example k and a rule, from the tunings that it shows."""
+    """Return the ITAE for Example k of heo2023 and a rule, from the shown tunings."""
     den = {1: (1, 3, 3, 1), 2: (1, 5, 10, 10, 5, 1), 3: (9.0, 11.4, 3.4, 1.0)}[k]
     settings = {"set point": [(8, 0.2), (20, 0.2), (15, 0.5)], "load": [(12, 0.2), (25, 0.0)]}
     found = []
@@ -315,7 +312,7 @@ def frontier(order: int, ms: str) -> list[float]:
 
 
 def shortest_filter(order: int) -> list[float]:
-    """Return the shortest filter of lecture 4, by its formula and as the filter with which the gain at −180° is 1."""
+    """Return the shortest filter of lecture 4, by its formula and by a gain of 1 at −180°."""
 
     def excess(tf):
         s = 1j * np.linspace(5, 200, 400_001)
@@ -327,7 +324,7 @@ def shortest_filter(order: int) -> list[float]:
 
 
 def best(limit: float) -> tuple[float, float]:
-    """Return the IAE of PID and PIDA on the landing page, by the responses of its designs."""
+    """Return the IAE of PID and PIDA on the landing page, from responses of the designs."""
     script = r'pidalab-landing">\s*<script type="application/json">(.*?)</script>'
     state = json.loads(re.search(script, text_of("intro.md"))[1])
     k = state["limits"].index(limit)
@@ -351,7 +348,7 @@ def strangers() -> list[float]:
 
 
 def foreign() -> list[float]:
-    """Return the numbers of records, of records in open loop and of designs, and the share of designs in per cent."""
+    """Return the numbers of all records, of open-loop records and of designs, and the share of designs in per cent."""
     rows = table(BOOK / "data" / "foreign.csv")
     readable = [row for row in rows if row["experiment"] and not row["remark"]]
     served = sum(row["result"] == "a PID" for row in readable)
@@ -382,14 +379,14 @@ def span(rows: Sequence[dict[str, str]], key: str, unit: float = 1.0) -> list[fl
 
 
 def faster(quantity: str, method: str) -> list[float]:
-    """Return in how many rows a method took less time than pidalab, the number of rows, and the range of the ratios."""
+    """Return in how many rows a method was faster than pidalab, the number of rows, and the range of ratios."""
     rows = timed(quantity, method)
     less = [row for row in rows if float(row["ratio"]) < 1]
     return [len(less), len(rows), *span(less, "ratio")]
 
 
 def responses(method: str) -> list[float]:
-    """Return ranges of times, in ms for pidalab and as ratios otherwise, for three numbers of points."""
+    """Return ranges of times for three numbers of points, in ms for pidalab and otherwise as ratios."""
     key, unit = ("seconds", 1e-3) if method == "pidalab" else ("ratio", 1.0)
     return [
         x for points in ("501", "2001", "10001") for x in span(timed("response", method, points), key, unit)
@@ -412,19 +409,19 @@ def optima_in(plant: str, k: int) -> list[float]:
 
 
 def tank() -> list[float]:
-    """Return the ultimate gain, and a hundredth of the ultimate period, of three lags of 20 with a dead time of 20."""
+    """Return the ultimate gain and a hundredth of the ultimate period of three lags and a dead time of 20."""
     w = brentq(lambda w: 3 * np.arctan(20 * w) + 20 * w - pi, 0.01, 0.1)
     return [(1 + (20 * w) ** 2) ** 1.5 / 0.8, 2 * pi / w / 100]
 
 
 def years(name: str) -> list[float]:
-    """Return the life of a valve of a million strokes, from the hourly travel that the page shows."""
+    """Return the life of a valve of a million strokes, from the shown hourly travel."""
     return [1e8 / float(numbers(NOISE_PAGE, rf"\n{name} \|.*\| {N} \| [\d.]+\n")[0]) / 8760]
 
 
 @cache
 def fitted_step() -> list[float]:
-    """Return gain, time constant, damping and dead time of two lags, fitted to the record by another optimiser."""
+    """Fit gain, time constant, damping and dead time of two lags to the record by another optimiser."""
     text = (BOOK / "data" / "plant_record.csv").read_text(encoding="utf-8").replace(",", ".")
     rows = [line.split(";") for line in text.splitlines()[1:]]
     t, u, y = np.array([[float(x) for x in row] for row in rows if all(row)]).T
@@ -444,7 +441,7 @@ def fitted_step() -> list[float]:
 def designed() -> dict[str, list[float]]:
     """Return Ms and IAE with the model, and Ms with the true plant, of the three controllers of *Design*.
 
-    The library fits and designs. This function evaluates the transfer functions of its parameters.
+    The library fits and designs. This function only evaluates transfer functions.
     """
     record = pidalab.Record.read_csv(
         BOOK / "data" / "plant_record.csv", time="time", u="valve", y="temperature"
@@ -472,7 +469,7 @@ def hump(n: int) -> float:
 
 
 def humps(n: int) -> list[float]:
-    """Return this maximum by two formulas of the page, and the maximum times the square root of n."""
+    """Return `hump(n)` by two formulas of the page, and times the square root of n."""
     return [hump(n), hump(n), sqrt(n) * hump(n)]
 
 
@@ -503,7 +500,7 @@ PUBLISHED = [
     ("SIMC", "PID"),
 ]
 
-# Each entry has a page, a pattern with a group for each number, and the second method.
+# An entry has a page, a pattern with a group for each number, and the second method.
 SHOWN = [
     *(
         (

@@ -1,4 +1,4 @@
-"""Check the comparison of figures: rounding passes, an error of one per cent in a curve does not."""
+"""Check the comparison of figures: rounding passes, an error of one per cent does not."""
 
 import io
 import re

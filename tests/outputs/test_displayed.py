@@ -8,7 +8,7 @@ from displayed import FRONTIER, OPTIMA, SAME, SHOWN, drawn, half_unit, numbers
 
 
 def wrong(shown, values):
-    """List the shown numbers to which the numbers of the second method do not round."""
+    """List the shown numbers to which those of the second method do not round."""
     if not len(shown) == len(values) > 0:
         return [f"found {len(shown)} numbers on the page, {len(values)} were expected"]
     pairs = zip(shown, values, strict=True)

@@ -14,7 +14,7 @@ from paperledger import write_rows
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """Return the root of a project with one ledger and its page, as the working directory."""
+    """Return the root of a project with one ledger and its page. It is the working directory."""
     folder = tmp_path / "book" / "ledger"
     folder.mkdir(parents=True)
     write_rows(folder / "demo.csv", ROWS)

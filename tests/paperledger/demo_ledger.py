@@ -1,4 +1,4 @@
-"""Provide a small, complete and correct ledger, which tests then damage."""
+"""Provide a small correct ledger, which tests then damage."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Check how a page uses its ledger: errors, drift, and what it displays."""
+"""Check how a page uses its ledger: errors, drift, and displays."""
 
 import json
 from dataclasses import replace
@@ -84,12 +84,17 @@ def test_numbers_nested_by_the_parts_of_their_ids():
         ),
         ("compare", "t1.kq", 1.0, "demo.t1.kq: unknown id; the closest are demo.t1.kp, demo.t1.t"),
         ("compare", "very.far.from.every.one", 1.0, "demo.very.far.from.every.one: unknown id"),
-        ("compare", "s1", 1.0, "demo.s1: a printed number takes book.compare, a statement book.decide"),
+        (
+            "compare",
+            "s1",
+            1.0,
+            "demo.s1: pass a printed number to book.compare, and a statement to book.decide",
+        ),
         (
             "decide",
             "t1.kp",
             (1.0, 2.0),
-            "demo.t1.kp: a printed number takes book.compare, a statement book.decide",
+            "demo.t1.kp: pass a printed number to book.compare, and a statement to book.decide",
         ),
         ("compare", "t2.iae", 1.0, "demo.t2.iae: its basis is reading"),
         ("decide", "s3", (1, 2), "demo.s3: its basis is reading"),
@@ -163,7 +168,7 @@ def test_suppressed_errors_are_raised_again_by_close(project):
     assert [line.split(": ")[0] for line in failures(book.close)] == ["demo.t1.kp"] * 2 + ["demo.s1"] * 2
 
 
-# --- what a page shows -----------------------------------------------------------------------------------------------
+# --- displays of a page -----------------------------------------------------------------------------------------------
 
 
 def test_table_has_the_rows_of_the_prefix():

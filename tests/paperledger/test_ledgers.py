@@ -84,5 +84,5 @@ def test_a_statement_that_fails_is_quoted(paper):
 
 
 def test_the_claims_are_those_of_the_manifest():
-    """`python -m paperledger manifest` freezes a reviewed change."""
+    """`python -m paperledger manifest` stores a reviewed change."""
     assert claims(LEDGERS).splitlines() == (LEDGERS / "manifest.csv").read_text(encoding="utf-8").splitlines()

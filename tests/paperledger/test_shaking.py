@@ -1,4 +1,4 @@
-"""Perturb a library: numbers that a page computes with it change, and copied numbers are detected."""
+"""Perturb a library: computed numbers change, and copied numbers are detected."""
 
 import json
 import os
@@ -89,7 +89,7 @@ book = Ledger.open("demo")
 C, p = demolib.tune(1.4), book.printed
 row = lambda id: book.row(id)
 KP = 1.37"""
-GUILTY = {  # what a page hands over as computed, and the resulting message
+GUILTY = {  # a row that a page passes as computed, and the resulting message
     "typed": ("KP", "stays at 1.370000000"),
     "text": ("float(str(row('text').printed))", "stays at"),
     "own": ("p('own')", "is its own printed number"),
@@ -152,7 +152,7 @@ def rows_of(values, **columns):
 
 
 def shaken(project, rows, *cells, stored=True):
-    """Store the results of a page, and then run the page with a changed library."""
+    """Store the results of a page, then run it with a changed library."""
     write_rows(project / "book" / "ledger" / "demo.csv", rows)
     (project / "book" / "audit" / "demo.ipynb").unlink(missing_ok=True)
     write_notebook(project / "book" / "demo.ipynb", SETUP, *cells)
@@ -233,7 +233,7 @@ def test_nothing_is_written_beside_the_library(library):
 
 
 def test_reused_memory_addresses_are_not_confused():
-    """Python gives an `id` to another object as soon as the first one is gone."""
+    """Python may reuse an `id` as soon as its object is gone."""
     pair = type("Pair", (), {"__module__": "demo"})
     passing = {"Pair": lambda fields, off: [off(np.full(3, float(k)), "a field") for k in range(1, 9)]}
     fields = Shaker("demo", whole=passing).off(pair(), "door")

@@ -23,7 +23,7 @@ def test_only_plain_numbers_are_read(text):
         ("9.999999995", "9.999999990", True),  # never tighter than 1e-9
         ("9.999999999", "10.00000000", True),
         ("1.310000000", "1.31", False),  # fewer digits would hide drift
-        ("1.31", "1.32", True),  # a page that hands over three digits keeps three
+        ("1.31", "1.32", True),  # a page may keep three digits
         ("-1.3", "1.3", False),
     ],
 )
@@ -78,22 +78,22 @@ def test_shown_number_has_two_guard_digits(printed, computed, shown):
 @pytest.mark.parametrize(
     ("printed", "computed", "note", "verdict"),
     [
-        ("0.382", "0.3825", "", "reproduced"),  # a tie counts for the print, above …
-        ("0.382", "0.3815", "", "reproduced"),  # … and below
+        ("0.382", "0.3825", "", "reproduced"),  # a tie above the printed number agrees, …
+        ("0.382", "0.3815", "", "reproduced"),  # … and a tie below
         ("0.382", "0.3825000001", "", "last-digit"),
         ("0.382", "0.38250000000001", "", "reproduced"),  # floating-point noise on a tie
         ("0.382", "0.3835", "", "last-digit"),
         ("0.382", "-0.382", "", None),
         ("1.00", "1.005", "", "reproduced"),  # in binary 1.005 lies below the tie
         ("1.01", "1.005", "", "reproduced"),
-        ("1.30", "1.31", "", "last-digit"),  # the trailing zero is a printed digit
-        ("120", "121", "", "last-digit"),  # trailing zeros of an integer are digits too
-        ("1.2e2", "121", "", "reproduced"),  # an exponent says that they are not
+        ("1.30", "1.31", "", "last-digit"),  # a trailing zero is a printed digit
+        ("120", "121", "", "last-digit"),  # so is a trailing zero of an integer
+        ("1.2e2", "121", "", "reproduced"),  # with an exponent only written digits count
         ("2.00", "2.02", "Read from Fig. 3; Tolerance 1%.", "approximate"),
         ("2.00", "2.0201", "tolerance 1 %", None),
         ("-2.00", "-1.98", "tolerance 1 %", "approximate"),
         ("2.00", "2.02", "tolerance 2e-2, stated by the authors", "approximate"),
-        ("2.00", "2.001", "tolerance 0.02", "approximate"),  # the digits are not expected to match
+        ("2.00", "2.001", "tolerance 0.02", "approximate"),  # digits need not match
         ("2.00", "2.001", "within tolerance", "reproduced"),  # a tolerance needs a number
         ("2.00", "2.10", "tolerance 5 %", "approximate"),  # the widest allowed tolerance
         ("2.00", "2.10", "tolerance 0.1", "approximate"),
@@ -120,7 +120,7 @@ def test_unusable_tolerances(size):
         (3, "==", np.int32(3), "3 == 3", "holds"),
         (1e-17, "<", 2.0, "0.000000000000 < 2.000000000 | ratio under 0.001", "holds"),
         (-3e7, ">=", -INF, "-30000000.00 >= -inf", "holds"),
-        # the written digits decide
+        # The written digits decide.
         (1.0, "<", 1.0 + 1e-14, "1.000000000 < 1.000000000 | ratio 1.0", "fails"),
     ],
 )

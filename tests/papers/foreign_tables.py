@@ -1,4 +1,4 @@
-"""Compute the numbers that other sources print, listed in ``tables_of_others.toml``, with the library."""
+"""Compute printed numbers of other sources, listed in ``tables_of_others.toml``, with the library."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pidalab.rules import classical
 FILE = Path(__file__).with_name("tables_of_others.toml")
 AGREEING = ("reproduced", "last-digit", "rounded input", "within tolerance", "holds")
 SAMPLES = 36_000  # of a step response; multiples of 1/9 of the horizon are among them
-UNFILTERED = 1e4  # ratio of a derivative time to its filter where the source has none
+UNFILTERED = 1e4  # derivative time / filter time if the source has no filter
 RULES = {
     one.__name__: one
     for one in (classical.ziegler_nichols_step, classical.chien_hrones_reswick, classical.amigo)
@@ -41,8 +41,8 @@ class Row(NamedTuple):
     answer: str
     printed: str
     computed: float
-    verdict: str  # that follows from the numbers
-    stored: str  # that the file says
+    verdict: str  # of the numbers
+    stored: str  # verdict in the file
 
 
 def rows() -> list[Row]:
@@ -73,7 +73,7 @@ def _answered(table: Table, data: dict[str, Any]) -> Iterator[Row]:
 
 
 def _verdict(printed: str, value: float) -> str:
-    """Return the verdict that follows from the printed digits alone, as in the account of a paper."""
+    """Return the verdict from the printed digits alone, as in a ledger."""
     if printed.startswith(">="):
         return "holds" if value >= float(printed[2:]) else "fails"
     if not math.isfinite(value):
@@ -82,7 +82,7 @@ def _verdict(printed: str, value: float) -> str:
 
 
 def _by_rounding(printed: str, values: list[float]) -> str:
-    """Return the verdict if the print lies between the answers for gains that round to the printed ones."""
+    """Return the verdict if the printed number lies between the answers for gains that round to the printed gains."""
     half = _half_unit(printed)
     return "rounded input" if min(values) - half <= float(printed) <= max(values) + half else "differs"
 
@@ -120,7 +120,7 @@ def _plant(given: dict[str, Any] | None, gain: float) -> pidalab.Process | None:
 
 
 def _controller(given: dict[str, list[Any]]) -> control.TransferFunction:
-    """Return a controller of printed numbers, which are strings, or of exact ones."""
+    """Return a controller from printed numbers (strings) or exact numbers."""
     if "num" in given:
         return control.tf([float(c) for c in given["num"]], [float(c) for c in given["den"]])
     ((form, texts),) = given.items()
@@ -140,7 +140,7 @@ def _controller(given: dict[str, list[Any]]) -> control.TransferFunction:
 
 
 def _rounded(given: dict[str, list[Any]]) -> Iterator[control.TransferFunction]:
-    """Yield the extreme controllers whose numbers round to the printed ones."""
+    """Yield the extreme controllers whose numbers round to the printed numbers."""
     choices = [
         [float(x) + sign * _half_unit(x) for sign in (-1, 1)] if isinstance(x, str) else [x]
         for numbers in given.values()
@@ -161,11 +161,11 @@ def _loop(plant: Any, controller: Any, table: Table) -> pidalab.Loop:
 
 
 def margins(plant: Any, controller: Any, table: Table) -> Answers:
-    """Return margins under the names of `pidalab.Margins`, and in the units of other programs."""
+    """Return margins by the names of `pidalab.Margins`, and in the units of other programs."""
     loop = _loop(plant, controller, table)
     result = pidalab.margins(loop)
     a = result.disk
-    high = (2 + a) / (2 - a) if a < 2 else math.inf  # the gain that the disk allows
+    high = (2 + a) / (2 - a) if a < 2 else math.inf  # largest gain in the disk
     answers = {name: value for name, value in vars(result).items() if isinstance(value, float)}
     answers |= {"distance": 1 / result.ms, "disk_gain": high, "disk_gain_low": 1 / high}
     answers |= {
@@ -176,7 +176,7 @@ def margins(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 def crossovers(plant: Any, controller: Any, table: Table) -> Answers:
-    """Return all crossovers in ascending order: pm_k at wgc_k, L_k and gm_k at wpc_k."""
+    """Return all crossovers in ascending order, with pm_k at wgc_k, and L_k and gm_k at wpc_k."""
     loop = _loop(plant, controller, table)
     answers: Answers = {}
     for k, w in enumerate(pidalab.gain_crossovers(loop), 1):
@@ -188,7 +188,7 @@ def crossovers(plant: Any, controller: Any, table: Table) -> Answers:
 
 
 def step(plant: Any, controller: Any, table: Table) -> Answers:
-    """Return measures of the open-loop step response, and y(t) at shares of the horizon."""
+    """Return measures of the open-loop step response, and values at shares of the horizon."""
     horizon = float(table["horizon"])
     response = pidalab.open_loop_step(plant, np.linspace(0.0, horizon, SAMPLES + 1))
     answers: Answers = {}

@@ -49,7 +49,7 @@ def test_twin_matches_its_equations():
 
 
 def test_printed_settings_are_stable_on_the_twin_and_not_on_the_model():
-    """Figs 5 to 7: PID_4^2 and PID_6^4 tuned for a dead time of 5 s, which the twin has as lags."""
+    """In Figs 5 to 7, PID_4^2 and PID_6^4 are tuned for a dead time of 5 s. The twin has lags instead."""
     twin = setup.thermal_plant()
     for m, n, te in ((2, 4, 0.2), (4, 6, 0.8)):
         design = pidalab.rules.mrdp.tune(setup.THERMAL, m, n, te)
@@ -75,7 +75,7 @@ def test_experiment_and_its_measures():
 
 @pytest.mark.parametrize("step", ["setpoint", "load"])
 def test_imitated_solver_converges(step):
-    """Short steps bring it to the exact engine; with its usual ones it errs, but by little."""
+    """With short steps the solver converges to the exact engine. With its usual steps the errors are small."""
     design = pidalab.rules.mrdp.tune(setup.UNIT, 2, 4, 0.5)
     t = np.linspace(0, 10, 10_001)
     exact, errors = pidalab.simulate(design.loop(), t, **{step: 1.0}).y, []

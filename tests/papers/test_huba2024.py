@@ -13,7 +13,7 @@ from pidalab.rules import automatic_reset as ar, mrdp
     ("m", "name", "real"), [(0, "PI", False), (1, "PID", False), (2, "PIDA_1", False), (2, "MRDP-PIDA", True)]
 )
 def test_low_orders_match_tune(m, name, real):
-    """The same loop, prefilter and reset as `automatic_reset.tune` makes, at the limits."""
+    """Compare loop, prefilter and reset with those of `automatic_reset.tune`, at the limits."""
     loop, design = setup.higher(m, 4, real=real), setup.DESIGNS[name]
     s = np.array([0.1j, 1j, 3 + 5j])
     np.testing.assert_allclose(loop.L(s), design.loop().L(s), rtol=1e-12)
@@ -25,7 +25,7 @@ def test_low_orders_match_tune(m, name, real):
 
 @pytest.mark.parametrize("m", [3, 5])
 def test_higher_orders_match_multiple_pole(m):
-    """With the fastest zero real the loop without limits is that of mrdp's gains."""
+    """If the fastest zero is real, the loop without limits has the gains of mrdp."""
     total, numerator = 1.8, mrdp.constants(m).numerator
     gains = [c * total ** (j - 2) for j, c in enumerate(numerator[::-1])]
     parallel = pidalab.Loop(setup.plant(), pidalab.HighOrderPID(gains, 0.8 / 6, 6))
@@ -34,7 +34,7 @@ def test_higher_orders_match_multiple_pole(m):
 
 
 def test_portrait_matches_simulated_runs():
-    """One setting of a portrait, and the excess that `worst` takes from it, against the response itself."""
+    """Compare a setting of a portrait, and its excess in `worst`, with the response."""
     for step in setup.STEPS:
         r = setup.sampled(setup.DESIGNS["PIDA_2"].loop(), step, h=0.01)
         p = setup.portrait(setup.point(ar.PIDA_2), step, h=0.01)
@@ -51,7 +51,7 @@ def test_excess_is_zero_for_ideal_shapes():
 
 
 def test_dryer_gives_printed_model():
-    """Behind the filter that was found, the tangent is the model; other sensors give other filters."""
+    """With the inferred filter the tangent gives the printed model. Other sensors give other filters."""
     t, filter_times = np.linspace(0, 1500, 15001), []
     for sensor in (10.0, 20.0):
         process, filter_time = setup.dryer(8.31e-4, 74.5, sensor=sensor)

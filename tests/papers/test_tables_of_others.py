@@ -15,7 +15,7 @@ def test_printed_numbers_have_their_stored_verdicts():
 
 
 def test_a_loop_with_dead_time():
-    """The example of ControlSystems.jl is 2 exp(-s)/s with unit feedback, a polynomial within each dead time."""
+    """The example of ControlSystems.jl is 2 exp(-s)/s. Its response is a polynomial within each dead time."""
     t = np.linspace(0.0, 3.0, 301)
     y = pidalab.step_response(pidalab.Loop(pidalab.ipdt(2.0, delay=1.0), 1.0), t).y
     expected = 2 * np.maximum(t - 1, 0) - 2 * np.maximum(t - 2, 0) ** 2

@@ -1,4 +1,4 @@
-"""Run the command line: a record becomes code, options reach the library, and the library computes printed numbers."""
+"""Run the command line: a record becomes code, and options and printed numbers are those of the library."""
 
 import importlib.util
 import inspect
@@ -56,7 +56,7 @@ def save(path, header, *columns):
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):
-    """Return a historian's file of a plant with three lags that is not the plant of the book."""
+    """Return a historian's file of a plant with three lags that is not in the book."""
     path = tmp_path_factory.mktemp("plant") / "step.csv"
     path.write_text(records.plant_record(seed=8), encoding="utf-8")
     return path
@@ -261,7 +261,7 @@ def test_output_files_are_replaced_only_on_request(plain, tmp_path, monkeypatch)
 
 
 def test_console_without_some_characters(tmp_path):
-    """Windows prints to a pipe in its code page 1252, which has no Greek and few mathematical signs."""
+    """On Windows a pipe has code page 1252, without Greek and most mathematical signs."""
     own = {"PYTHONPATH": str(ROOT / "src"), "PYTHONIOENCODING": "cp1252", "PATH": "/usr/bin:/bin"}
     command = [sys.executable, "-m", "pidalab"]
     path = tmp_path / "Ω≤.csv"

@@ -142,7 +142,7 @@ def text(rows, head="time,u,y", form="{},{},{}"):
 
 
 def unclipped(high=100.0):
-    """Write a log of an on-off loop, whose first control signals are not clipped. Its output is in whole degrees."""
+    """Write a log of an on-off loop in whole degrees, whose first control signals are not clipped."""
     y, rows = 22.0, []
     for k in range(400):
         shown = round(y)

@@ -1,4 +1,4 @@
-"""Check the tables of the page on plants of others: they are complete, and keep the promised limits."""
+"""Check that the tables of the page on plants of others are complete and keep the promised limits."""
 
 import csv
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import foreign
 
 ROOT = Path(__file__).parents[2]
-KEEPS = 2.0005  # the worst Ms that is allowed, to the digits of the tables
-SHARE = 0.8  # of the readable records in open loop that give a controller
+KEEPS = 2.0005  # largest allowed Ms, with the digits of the tables
+SHARE = 0.8  # of the readable open-loop records give a controller
 
 
 def table(name):

@@ -13,7 +13,7 @@ from pidalab.plant.heater import Lab
 
 
 class Board:
-    """Fake board: the simulated lab, with the functions and the clock of a real board."""
+    """Fake board: the simulated lab with the functions and clock of a real board."""
 
     def __init__(self, model, clock):
         self.model, self.clock, self.off = model, clock, False
@@ -55,7 +55,7 @@ def test_step_test_identifies_the_simulated_lab(capsys):
     with Lab() as lab:
         record = lab.step_test()
     fitted = fit(record)
-    # two heaters that lose 1/20 of their excess a second to the room and exchange 1/100 of their difference
+    # Per second, two heaters lose 1/20 of their excess to the room and exchange 1/100 of their difference.
     gain = 200 / 5720 * 0.06 / (0.06**2 - 0.01**2)
     assert fitted.parameters["gain"] == pytest.approx(gain, rel=0.01)
     slow, fast = sorted(-1 / np.roots(fitted.process.den).real, reverse=True)

@@ -1,4 +1,4 @@
-"""Check reports: limits are kept, numbers and curves match the loops, and a page needs no other file."""
+"""Check reports: limits are kept, numbers and curves match the loops, and pages need no other file."""
 
 import re
 

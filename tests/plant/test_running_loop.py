@@ -1,4 +1,4 @@
-"""Check running gains with simulated logs: Ms, loss compared with the best gains, suggested gains, refusals."""
+"""Check running gains with simulated logs: Ms, loss against the best gains, suggested gains, refusals."""
 
 import re
 
@@ -16,7 +16,7 @@ TRUE = pidalab.margins(pidalab.Loop(PLANT, RUNNING.discretise(H))).ms
 
 
 def log(setpoint=0.0, load=0.0, noise=0.02, seed=0, slow=0.0):
-    """Return the log of a running loop at its samples. A slow disturbance is a random walk that returns to 0."""
+    """Return the log of a running loop. A slow disturbance is a random walk that returns to 0."""
     rng = np.random.default_rng(seed)
     disturbed = rng.normal(0.0, noise, T.size)
     for k in range(1, T.size):
@@ -80,7 +80,7 @@ def test_timid_gains_get_three_safe_sets():
 
 
 def test_optimal_gains_have_no_loss(monkeypatch):
-    monkeypatch.setattr("pidalab.plant.checking.SETS", {})  # each takes seconds, and plays no part
+    monkeypatch.setattr("pidalab.plant.checking.SETS", {})  # each set takes seconds and is not tested here
     fitted = fit(log(setpoint=steps((20, 1.0))), "fopdt")
     design = pidalab.tune(fitted.process, "PI", ms=1.5, noise_gain=0.5, sample_time=H)
     assert abs(check(fitted, design.controller, sample_time=H).loss) < 0.2
@@ -123,13 +123,13 @@ def test_gains_that_did_not_make_the_log(share, doubted):
     explained, gain = explained_by(given, None, log(setpoint=steps((20, 1.0))))
     assert (explained < 0.8) is doubted
     assert gain == pytest.approx(RUNNING.kp, rel=0.3)
-    assert np.isnan(explained_by(given, None, bumped())[0])  # in open loop the controller made nothing
+    assert np.isnan(explained_by(given, None, bumped())[0])  # in open loop the controller explains nothing
 
 
 def random_log(seed):
     """Log a random first-order plant under a PI, with noise and steps of the set point, the load or both.
 
-    One log in three has white noise only, one has noise that is partly slow, and one has a wandering load as well.
+    A third of the logs has white noise, a third has partly slow noise, and a third also has a wandering load.
     """
     rng = np.random.default_rng([62, seed])
     n = int(rng.integers(200, 600))

@@ -1,4 +1,4 @@
-"""Evaluate designs over a spread of plants, and correct them until the sampled loop keeps its limits."""
+"""Evaluate designs for several plants, and correct them until the sampled loops keep their limits."""
 
 import math
 from itertools import pairwise, permutations
@@ -51,7 +51,7 @@ def test_unstable_loop_has_infinite_ms():
 
 
 def test_worst_ms_is_independent_of_the_order():
-    """The sampled loop of one plant has no Ms. The other plants are judged by the Ms of their sampled loops."""
+    """One plant has no sampled Ms. The other plants are judged by their sampled Ms."""
     evaluator = LoopEvaluator(1.0, None)
     alone = evaluator.ms(PI, FEEDTHROUGH)
     assert "Ms is that of the continuous loop" in alone.reason
@@ -59,7 +59,7 @@ def test_worst_ms_is_independent_of_the_order():
     plants = [GOOD, FEEDTHROUGH, pidalab.fopdt(1.2, 2.0, 1.0)]
     found = {evaluator.worst(PI, order) for order in permutations(plants)}
     assert found == {LoopMs(sampled_ms(plants[2]), alone.reason)}
-    # a plant that was refused leaves no trace
+    # A refused plant leaves no trace.
     assert evaluator.ms(PI, GOOD) == LoopMs(pytest.approx(sampled_ms(GOOD)))
     assert evaluator.worst(PI, []) == LoopMs(0.0)
 
@@ -68,7 +68,7 @@ LIMITS = Requirements(ms=1.6, ms_worst=2.0)
 
 
 class Machine:
-    """Fake designer. If m is requested, its design has Ms = 1 + 1.3 (m - 1), and the worst Ms with factor 1.5."""
+    """Fake designer. For a requested m, Ms is 1 + 1.3 (m - 1), and the worst Ms is 1 + 1.5 (m - 1)."""
 
     def __init__(self, active=("ms", "ms_worst"), factors=(1.3, 1.5)):
         self.asked, self.active, self.factors = [], active, factors
@@ -94,7 +94,7 @@ def test_request_is_corrected_from_below():
 @pytest.mark.parametrize(("below", "designs"), [(1e-4, 1), (9e-4, 1), (1.1e-3, 2)])
 @pytest.mark.parametrize("which", [0, 1])
 def test_design_within_a_thousandth_is_the_last(which, below, designs):
-    """Each design needs a search, so no further design is made if the last one is that close to an active limit."""
+    """Each design needs a search, so none follows a design that is this close to an active limit."""
     met = 1.6 * (1 - 5e-4), 2.0 * (1 - 5e-4)
     first = [limit * (1 - below) if k == which else met[k] for k, limit in enumerate((1.6, 2.0))]
     found, machine = iter([first, met]), Machine()
@@ -122,7 +122,7 @@ def test_correction_is_at_most_a_factor_of_two():
 
 def test_last_design_that_keeps_the_limits():
     one = Machine()
-    one.sizes = lambda made: (1.5, 1.9)  # whatever is asked
+    one.sizes = lambda made: (1.5, 1.9)  # for any request
     assert correct_request(one, one.sizes, LIMITS) == one.asked[-1]
     assert len(one.asked) == 20
     calls = iter([(1.5, 1.9), *[(1.7, 1.9)] * 30])
@@ -133,7 +133,7 @@ def test_last_design_that_keeps_the_limits():
 
 
 def closer(asked, near):
-    """Design a PIDA for the smaller of both limits."""
+    """Design a PIDA for the smaller of two limits."""
     ms = min(asked.ms, asked.ms_worst) if asked.family else asked.ms
     return pidalab.rules.haalman.tune(LAGS, ms), ["ms", "ms_worst"]
 
@@ -151,7 +151,7 @@ def test_safe_design_keeps_both_limits(h):
     assert evaluator.ms(made, LAGS).ms < evaluator.ms(easy, LAGS).ms <= 1.8 * (1 + 1e-6)
     areas = [pidalab.load_response(one.loop(LAGS), np.linspace(0, 200, 4001)).iae() for one in (made, easy)]
     assert price == pytest.approx(areas[0] / areas[1], rel=1e-3)
-    # a limit that the design keeps anyway costs nothing, and changes nothing: no second search is made
+    # A limit that the design already keeps needs no second search and changes nothing.
     wide, most = [], evaluator.worst(easy, plants).ms * (1 - 5e-7)
 
     def counted(asked, near):

@@ -1,4 +1,4 @@
-"""Tune controllers: limits are kept, and doubts and refusals are reported."""
+"""Tune controllers, and check limits, doubts and refusals."""
 
 import numpy as np
 import pytest
@@ -93,14 +93,14 @@ def test_refusals(error, message, model, options):
 
 @pytest.mark.parametrize(("kind", "order"), [("PI", 0), ("PID", 1), ("PIDA", 2)])
 def test_filter_of_the_magnitude_optimum(kind, order):
-    """The filter lags, one more than derivatives, add up to a tenth of the sum of lags (3) and dead time (1)."""
+    """The filter lags (number of derivatives + 1) add up to a tenth of the sum of lags (3) and dead time (1)."""
     found = pidalab.tune(pidalab.lags(3, delay=1.0), kind=kind, rule="magnitude optimum").controller
     assert found.filter_order == order + 1
     assert found.filter_order * found.filter_time == pytest.approx(0.1 * (3 + 1))
 
 
 def test_pida_beyond_the_dynamics_of_the_model_is_refused():
-    """A model has one lag, its plant three. A PID is designed, but a PIDA would act on unknown dynamics."""
+    """The model has one lag, the plant three. A PID is designed, but a PIDA would act on unknown dynamics."""
     t = np.arange(0.0, 60.0, 0.1)
     y = pidalab.simulate(pidalab.Loop(lags(3), 0.0), t, load=t >= 5.0).y
     fitted = fit(Record(t, 1.0 * (t >= 5.0), y), "fopdt")

@@ -1,4 +1,4 @@
-"""Tune in other units and at the threshold of each doubt, and compute the numbers of doubts by hand."""
+"""Tune in other units and at the threshold of each doubt, and compute doubts by hand."""
 
 import math
 import re
@@ -21,7 +21,7 @@ GAIN, TIME = -70.0, 60.0
 
 
 def in_units(process, gain, time):
-    """Return the same plant with its output and its time in other units."""
+    """Return the same plant with output and time in other units."""
     num, den = (c * time ** np.arange(c.size - 1.0, -1.0, -1.0) for c in (process.num, process.den))
     return Process(gain * num, den, time * process.delay)
 
@@ -33,14 +33,14 @@ def numbers(text):
 
 @pytest.fixture
 def searched(monkeypatch):
-    """Replace the search for an optimum. Return the list of its requests. The result has no active limit."""
+    """Replace the search by one without active limits, and return the list of its requests."""
     asked = []
 
     def least_iae(process, order, requirements, start):
         asked.append(SimpleNamespace(process=process, order=order, **vars(requirements)))
         if math.isinf(process.gain()):
             controller = pidalab.PIDA(0.2, 200.0)
-        else:  # the gain is high for a very short dead time, so that the loop settles within few dead times
+        else:  # the dead time is very short, and a high gain lets the loop settle within few dead times
             quick = 100 * process.delay < process.den[-2]
             controller = pidalab.PIDA((9.0 if quick else 0.3) / process.gain(), process.den[-2])
         return Design(process, controller, info={"active": ()})
@@ -53,7 +53,7 @@ SETTLING = {"kind": "PID", "rule": "simc", "sample_time": 0.3, "spread": 0.1, "m
 
 
 def test_design_is_independent_of_units():
-    """A gain of -70 and minutes instead of seconds only change units: Ms and doubts are equal, gains are converted."""
+    """A gain of -70 and minutes instead of seconds change no Ms and no doubt, and gains are converted."""
     process = lags(2, delay=0.5)
     own = tune(process, **SETTLING)
     other = tune(in_units(process, GAIN, TIME), **SETTLING | {"sample_time": TIME * SETTLING["sample_time"]})
@@ -69,7 +69,7 @@ def test_design_is_independent_of_units():
 
 @pytest.mark.parametrize("lag", [0.5, 8.0])
 def test_default_limit_of_noise(searched, lag):
-    """For an integrator with a lag the limit is 10/|P| at 1/lag, where the lag has turned the phase by 45 degrees."""
+    """For an integrator with a lag, the limit is 10/|P| at 1/lag, where the lag turns the phase by 45 degrees."""
     for plant, asked in (
         (Process([0.25], [lag, 1.0, 0.0]), math.sqrt(2) / (0.25 * lag)),
         (fopdt(-4.0, lag, lag), 1 / 4),
@@ -94,7 +94,7 @@ def test_given_limits_reach_the_search(searched):
 def test_negligible_dead_time_is_left_out(searched, asked, share, left_out):
     """The limit depends on the fastest frequency at which the loop acts.
 
-    For a lag T this is sqrt(99)/T, where |P| is a tenth of its gain; else the inverse sample time; else the crossover.
+    For a lag T this is sqrt(99)/T, where |P| is a tenth of its gain; else 1/sample time; else the crossover.
     """
     lag = 60.0
     if "rule" in asked:
@@ -172,7 +172,7 @@ def test_filter_faster_than_the_sample_is_doubted(share, doubted):
 
 
 def record(before, after, noise=0.02):
-    """Return the record of a lag of 6 after a step of the input."""
+    """Return the step response of a lag of 6."""
     t = np.arange(0.0, 60.0, 0.5)
     y = 2.0 * (after - before) * -np.expm1(-np.maximum(t - 11.0, 0.0) / 6.0)
     return Record(t, np.where(t < 10.0, before, after), y + np.random.default_rng(1).normal(0, noise, t.size))

@@ -1,4 +1,4 @@
-"""Convert controllers to forms of vendors: each is the same controller, or an error says why it does not exist."""
+"""Convert controllers to forms of vendors: the controller is the same, or an error says why there is none."""
 
 import math
 

@@ -13,12 +13,12 @@ NEW = {"controller.c": "new c", "controller.py": "new python", "report.html": "p
 
 
 def texts(folder):
-    """Return the files of a folder, hidden ones included."""
+    """Return all files of a folder, also hidden files."""
     return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 
 
 def fail_at(monkeypatch, owner, name, count, error, after=False):
-    """Make call number `count` of a function fail, before or after its work."""
+    """Make call number `count` of a function fail before or after its work."""
     own, calls = getattr(owner, name), iter(range(100))
 
     def failing(*arguments, **options):

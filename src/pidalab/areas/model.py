@@ -1,13 +1,12 @@
 r"""Characteristic areas of a model (vrancic2021).
 
-The areas :math:`A_k` are the coefficients of the process about s = 0 with alternating signs, eq. (6). They are also the
-moments of the impulse response h(t) of the process, eqs. (4) and (5):
+The areas :math:`A_k` are, with alternating signs, the coefficients of the Taylor series of P(s) about s = 0, eq. (6).
+They are also the moments of the impulse response h(t), eqs. (4) and (5):
 
 .. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
 
 The areas of blocks in series are the convolution of their areas. In the text as we read it, eq. (7) has :math:`A_1`
-where the recursion needs :math:`A_i`. The results do not depend on this. Areas are computed as exact fractions and
-rounded once.
+where the recursion needs :math:`A_i`. Areas are computed as exact fractions and rounded once.
 """
 
 from __future__ import annotations
@@ -160,7 +159,7 @@ def _stable_series(name: str, num: Array, den: Array, count: int) -> list[Fracti
     while num.size > 1 and den.size > 1 and num[-1] == 0 == den[-1]:
         num, den = num[:-1], den[:-1]
     if den[-1] == 0:
-        raise ValueError(f"{name} must have a static gain, found an integrating one: its areas are infinite")
+        raise ValueError(f"{name} must have a static gain, but it integrates, so its areas are infinite")
     poles = roots(den)
     if np.any(poles.real >= 0):
         raise ValueError(f"{name} must be stable, found a pole at {poles[np.argmax(poles.real)]:.4g}")

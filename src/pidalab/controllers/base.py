@@ -60,7 +60,6 @@ class Controller(Block):
         Returns
         -------
         AutomaticReset or None
-            Parameters that a simulation with limits needs.
 
         Examples
         --------

@@ -244,7 +244,7 @@ class HighOrderPID(Controller):
         Raises
         ------
         ValueError
-            If there are derivatives of order 3 or more, which no PIDA form has.
+            If there are derivatives of order 3 or more.
 
         Examples
         --------

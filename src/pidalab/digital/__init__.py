@@ -1,7 +1,7 @@
 """Digital controllers: difference equations that run, act in simulated loops, and are written as code.
 
-``controller.discretise`` creates them. This package does not depend on the classes of continuous controllers. The
-methods that write code, and `from_json`, which reads a controller, import `pidalab.plant.code` when they are called.
+``controller.discretise`` creates them. This package does not depend on the classes of continuous controllers.
+`from_json` and the methods that write code import `pidalab.plant.code` when they are called.
 """
 
 from typing import TYPE_CHECKING, Any

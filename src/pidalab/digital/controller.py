@@ -32,12 +32,11 @@ class DigitalController(Parameters):
 
     where p is the sum of the paths and :math:`\varepsilon` the error. With automatic reset, the formula has :math:`p_k`
     in place of :math:`\varepsilon_k`, and :math:`u_{k-1} - \mathrm{bias} - i_{k-1}` (less any feedforward) in place of
-    :math:`\varepsilon_{k-1}`. While the control signal is at a limit, `anti_windup` determines how the integral is
-    corrected.
+    :math:`\varepsilon_{k-1}`.
 
     The first call of ``step`` starts without a bump. It returns `bias`, or bias + p if there is no integral action. In
     manual mode the control signal is the given value, and the integral tracks it. ``step`` stores its states in the
-    object. Simulations keep separate states.
+    object; simulations do not change them.
 
     Parameters
     ----------
@@ -169,7 +168,7 @@ class DigitalController(Parameters):
         r, y : float, optional
             Set point and measurement at which the controller rests. Give both or neither.
         u : float, optional
-            Control signal to start with, within the limits. By default `bias`.
+            Control signal to start with. It is limited to `limits`. By default `bias`.
 
         Raises
         ------
@@ -193,7 +192,7 @@ class DigitalController(Parameters):
         self.__dict__.pop("_retuned", None)
 
     def _started(self, r: float | None, y: float | None, u: float) -> SimpleNamespace:
-        """Return the states before the first sample, or those of a controller at rest if r and y are given."""
+        """Return the states before the first sample, or the states at rest if r and y are given."""
         states = SimpleNamespace(**{**self._program.states, "control": u})
         if r is not None:
             self._run(states, r, y)
@@ -202,7 +201,7 @@ class DigitalController(Parameters):
     def retune(self, other: DigitalController) -> None:
         """Replace the gains by those of another controller, without a bump and without restarting.
 
-        The control signal keeps its value in the next sample, and continues from this value.
+        The control signal keeps its value in the next sample.
 
         Parameters
         ----------
@@ -245,12 +244,12 @@ class DigitalController(Parameters):
         """Advance the controller by one sample, exactly as the written code does.
 
         The first call starts without a bump: filters and integral are at rest at the given signals, and `bias` is
-        returned. Simulations with `pidalab.simulate_sampled` start at rest at the working point instead. To start like
-        them, call ``reset(r=y_offset, y=y_offset)`` first.
+        returned (bias + p without integral action). To start at rest at the working point, as
+        `pidalab.simulate_sampled` does, call ``reset(r=y_offset, y=y_offset)`` first.
 
         A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped, and ``fault`` is True. Filters
-        and integral keep their values. A valid `manual` still sets the control signal, which otherwise keeps its value.
-        The next valid sample continues from these values.
+        and integral keep their values, and so does the control signal unless a valid `manual` sets it. The next valid
+        sample continues from these values.
 
         Parameters
         ----------
@@ -259,9 +258,9 @@ class DigitalController(Parameters):
         manual : float, optional
             Control signal in manual mode. By default the mode is automatic.
         track : float, optional
-            Signal that has acted on the plant since the last sample, if that is not the returned signal. It may be the
-            output of a selector, an operator's command or the position of the actuator. In the first call, the
-            controller starts from this signal instead of `bias`.
+            Signal that has acted on the plant since the last sample, if it differs from the returned signal: the output
+            of a selector, an operator's command or the position of the actuator. In the first call, the controller
+            starts from this signal instead of `bias`.
         feedforward : float, optional
             Signal to add. Only for a controller that was discretised with ``feedforward=True``.
 
@@ -308,7 +307,7 @@ class DigitalController(Parameters):
     def __call__(self, z: ArrayLike) -> Any:
         """Evaluate the transfer function from -y to u at complex z, in units of the signals.
 
-        The prefilter is not included. Use ``k.prefilter(z)`` for the prefilter.
+        The prefilter is not included; ``k.prefilter(z)`` evaluates it.
         """
         points = _check.complex_array("z", z)
         signal = sum((path(points) for path in self.paths), np.zeros_like(points))
@@ -360,7 +359,7 @@ class DigitalController(Parameters):
         Returns
         -------
         str
-            A complete file. Its self-test is compiled if ``<NAME>_SELFTEST`` is defined.
+            A complete file, with a self-test if ``<NAME>_SELFTEST`` is defined.
 
         Raises
         ------

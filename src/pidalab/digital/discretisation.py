@@ -54,17 +54,16 @@ def discretise(
     ==================  ==============================================================================================
     reset               For a `SeriesPIDA` with b = c = 1, the integral is the limited signal, filtered by a lag of time
                         constant :math:`t_i` (huba2024, Fig. 1, eqs. (3), (8)). For other controllers,
-                        back-calculation is used with the integral time as tracking time. (With backward differences and
-                        b = 1, the integral then is (limited signal - derivative parts), filtered by the same lag.)
-    back-calculation    The share :math:`h/(T_t + h)` of the part cut off is taken back from the integral. :math:`T_t`
-                        is the tracking time.
+                        back-calculation is used with the integral time as tracking time.
+    back-calculation    The integral is reduced by :math:`h/(T_t + h)` times the part that the limit cuts off.
+                        :math:`T_t` is the tracking time.
     clamping            The integral grows up to the limit, and keeps its value while it would drive the signal beyond.
     None                The integral continues.
     ==================  ==============================================================================================
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
-    without proportional action. It also suits loops in which u stays at a limit for long and must leave the limit late.
-    *back-calculation* with a short `tracking_time` leaves a limit early. With each of these three methods the
+    without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave it
+    late. *Back-calculation* with a short `tracking_time` leaves a limit early. With each of these three methods the
     controller always leaves the limit. Use None only for actuators without limits.
 
     Parameters
@@ -83,7 +82,7 @@ def discretise(
     rate_limit : float, optional
         Largest change of the control signal in a unit of time, above 0.
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional
-        As in the table. "none" means None. (A further word, "conditioning", exists in `pidalab.simulate_sampled` only.)
+        As in the table. "none" means None.
     tracking_time : float, optional
         Tracking time of back-calculation, above 0. By default it is the geometric mean of integral and derivative time,
         or the integral time if there is no derivative. For integral action alone it is 0, so the integral stays at the
@@ -95,16 +94,16 @@ def discretise(
     y_offset : float, optional
         Measurement at the working point.
     prefilter : control.TransferFunction, optional
-        Filter of the set point, stable and of static gain 1. It is discretised with the same method, also runs in
-        manual mode, and starts at rest at the first set point.
+        Filter of the set point, stable and of static gain 1. It also runs in manual mode, and starts at rest at the
+        first set point.
     output_filter : OutputFilter or control.TransferFunction, optional
-        A filter of the control signal, which must consist of equal lags of gain 1. It becomes a part of the controller.
+        Filter of the control signal, which must consist of equal lags of gain 1. It becomes a part of the controller.
     feedforward : bool, optional
         True if ``step`` and the written code have a further input that is added to the control signal before the
         limits.
     tunable : bool, optional
-        True if the gains may change without a bump while the controller runs. They are then variables in the written
-        code. In Python, ``retune`` changes them.
+        True if the gains may change without a bump while the controller runs. In the written code they are variables.
+        In Python, ``retune`` changes them.
     reset : tuple of FilteredGains and float, optional
         Stabilising controller and time constant of an automatic reset.
     source : str, optional

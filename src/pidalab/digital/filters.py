@@ -5,15 +5,14 @@ With each method, every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes a d
 .. math:: x_k = x_{k-1} + g_0\,(v_k - x_{k-1}) + g_1\,(v_{k-1} - x_{k-1}), \qquad
           q(z) = \frac{g_0 z + g_1}{z - 1 + g_0 + g_1}.
 
-In this form the static gain of the lag is exact even in single precision. Derivatives are differences of the states
-along a chain of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
+In this form the static gain is exact even in single precision. Derivatives are differences of the states along a chain
+of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference that ends at the last state. Lags with different time constants, such as those of a
-filtered derivative in series with an output filter, also form one chain. A derivative then also needs gains on lower
-differences. These formulas apply to the methods *backward* and *tustin*, which substitute an expression for s. The
-method *zoh* is exact for a held input. It uses the same differences with other gains.
+which is the j-th difference that ends at the last state. Lags with different time constants also form one chain. A
+derivative then also needs gains on lower differences. These formulas apply to the methods *backward* and *tustin*,
+which substitute an expression for s. The method *zoh*, which is exact for a held input, uses other gains.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            increment of the integral of e in a sample
@@ -30,7 +29,7 @@ The denominator is written as a polynomial of p, and the states are
 
 .. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
 
-so the static gain of 1 is exact even in single precision.
+so the static gain is exactly 1 even in single precision.
 
 =========  ====================================  =================================
 method     M                                     target v_k
@@ -130,8 +129,7 @@ def filter_chains(
 ) -> tuple[FilterChain, ...]:
     """Discretise the parts of a controller in series with an output filter of equal lags.
 
-    `behind` contains the time constant and the number of these lags. The weight of the set point is 1 in the integral,
-    b in the proportional part and c in the derivatives.
+    `behind` contains the time constant and the number of these lags.
     """
     _require_useful("filter after the controller", *behind, h, method)
     summed_gains: dict[tuple[float, tuple[float, ...]], tuple[str, Array]] = {}
@@ -258,12 +256,12 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     to_states[..., 0, 0] = 1.0
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
-        # The diagonal holds the differences from the pole of lag i. expm1 computes them without cancellation. They are
+        # The diagonal holds the differences from the pole of lag i, computed by expm1 without cancellation. They are
         # not negative, since faster lags come first.
         slower = np.tril(transition[..., 1:, 1:], -1)
         slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
         column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]
-    # Convert the gains on continuous states to gains on discrete states, then to gains on differences of these.
+    # Convert the gains to gains on discrete states, then to gains on their differences.
     on_states = np.zeros(gains.shape)
     for m in range(n + 1):
         for j in range(m + 1):
@@ -292,7 +290,7 @@ class Prefilter(NamedTuple):
     move : tuple of tuple of float
         M, row by row.
     out : tuple of float
-        Gains on (state - set point). The sum of these products is added to the set point.
+        Gains on (state - set point). The set point plus the sum of these products is the output.
     """
 
     num: tuple[float, ...]

@@ -38,7 +38,7 @@ PYTHON = Language(
 
 
 def function(program: Program) -> Callable[..., float]:
-    """Return the step as a function of the inputs and of an object with the states. The function changes the states.
+    """Return the step as a function of the inputs and of an object with the states, which it changes.
 
     The executed text contains nothing from a file or a user. All names come from `program`, and constants are passed as
     values instead of text.

@@ -1,15 +1,15 @@
-"""The step of a digital controller as a list of statements for its actions and options.
+"""Describe the step of a digital controller as a list of statements, which depends on its actions and options.
 
-This description of the step is the only one. The statements are written as code in several languages, run as Python by
-``step``, and compiled for simulations (`pidalab.simulation.operations`). The order of the statements is: checks of the
-inputs, prefilter, deadband, filter chains, tracking, integral, limits of rate and range, anti-windup.
+This is the only description of the step. It is written as code in several languages, run as Python by ``step``, and
+compiled for simulations (`pidalab.simulation.operations`). The order of the statements is: checks of the inputs,
+prefilter, deadband, filter chains, tracking, integral, limits of rate and range, anti-windup.
 
 The step is defined for any input. The control signal is always a number within the limits. A sample with an input that
-is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped, and `fault` is true. Filters and integral keep their values. The
-control signal also keeps its value, unless manual mode sets it. No valid input causes an overflow.
+is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped, and `fault` is true. Filters and integral keep their values, and
+so does the control signal unless manual mode sets it. No valid input causes an overflow.
 
-An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``. Every language has
-equivalents of these. All names come from this module.
+An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``. All names come from
+this module.
 """
 
 from __future__ import annotations
@@ -128,8 +128,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    With `block`, the program does not compute `summed`. A filter outside it computes `summed` from the error. The
-    result is cached and shared, so do not change it.
+    With `block`, `summed` comes from a filter outside the program, whose input is the error. The result is cached and
+    shared, so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}
@@ -195,7 +195,7 @@ def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
 
 
 def _skipped(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a skipped sample. The signal keeps its value unless an operator sets it."""
+    """Return the statements for a skipped sample."""
     # The next valid sample continues from the present signal, as after manual mode.
     later: list[Statement] = [Set("follow", "true")] if k.integrates else []
     limited = [*_limited(named), *_at_limit(k), Set("control", "limited")]
@@ -220,7 +220,7 @@ def _error(named: dict[str, float], compares: bool) -> list[Statement]:
 
 
 def _tracking(k: Parameters, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for tracking of a signal that has acted on the plant instead of the control signal."""
+    """Return the statements for tracking of another signal that has acted on the plant."""
     inside: list[Statement] = []
     if k.integrates:
         inside.append(Set("integral_part", "integral_part + TRACKING_GAIN * (track_value - control)"))
@@ -257,7 +257,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     more = " or with new gains" * k.tunable
     body: list[Statement] = [
         Note(f"in manual mode the operator sets the signal; at the first sample{more} it keeps its value"),
-        Note(f"follow is true after a sample that was skipped in manual mode{more}"),
+        Note(f"follow is true if the last sample was skipped, in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
         If("not started", [Set("forced", "true")]),
@@ -266,7 +266,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(named)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
-        # The error of this sample is only added in the next sample, so it is clamped as well.
+        # The integral adds the error of this sample in the next sample. Therefore this error is clamped too.
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
@@ -286,7 +286,7 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # An increment that would drive the signal beyond the limit is reduced to the remaining range. If the integral were
+    # Reduce an increment that would drive the signal beyond the limit to the remaining range. If the integral were
     # stopped instead, it could remain locked.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
@@ -397,7 +397,7 @@ def _path_states(path: FilterChain, i: int) -> list[str]:
 
 
 def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list[Statement]:
-    """Return the statements for a chain of lags and for the gains on its differences."""
+    """Return the statements for a chain of lags, and for a weighted sum of differences between the lags."""
     name, n, upper = part_name(i), path.order, part_name(i).upper()
     aim = {1.0: "target", 0.0: "0.0"}.get(path.weight, f"{upper}_WEIGHT * target")
     lags = f": {n}{' equal' * _equal(path)} lag{'s' if n > 1 else ''}" if n else ""
@@ -424,7 +424,7 @@ def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list
             x = f"{name}_{j}"
             body.append(Set(x, f"{x} + {_share(path, i, 'OLD', j)} * ({name}_{j - 1} - {x})"))
     body += [Set(f"{name}_0", "entering")] if any(path.old) else []
-    # Apply the gains to the differences that end at the last state.
+    # The gain with index m multiplies the m-th difference of the last m + 1 states.
     first = i == 0
     highest = max((m for m, gain in enumerate(path.gains) if gain), default=0)
     for m in range(highest + 1):

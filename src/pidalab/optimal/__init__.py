@@ -2,13 +2,12 @@ r"""Design the controller with the least IAE under limits on robustness and nois
 
 .. math:: C(s) = \frac{K_{-1} s^{-1} + K_0 + \dots + K_m s^m}{(1 + T_F s)^{m+1}}, \qquad K_k \ge 0,
 
-The filter time is free, so that controller and filter are designed together. The IAE of a load step is minimised
-subject to :math:`\max |S| \le M_s` and to :math:`\max |C S| \le M_{ks}` over all frequencies, with exact dead time. A
-limit on the noise gain can replace the limit on \|C S\|.
+The filter time is also free. The IAE of a load step is minimised subject to :math:`\max |S| \le M_s` and to
+:math:`\max |C S| \le M_{ks}` over all frequencies, with exact dead time. A limit on the noise gain can replace the
+limit on \|C S\|.
 
-The problem is not convex. A PIDA with almost no acceleration and a true PIDA with a slower filter can both be local
-optima. The search therefore passes through a grid of filter times, downwards and upwards (see
-`pidalab.optimal.design`).
+The problem is not convex: a PIDA with almost no acceleration and a true PIDA with a slower filter can both be local
+optima. The search therefore passes through a grid of filter times.
 """
 
 from pidalab.optimal.design import least_iae, load

@@ -43,7 +43,7 @@ SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of
 SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima with a value up to this multiple of the best value are reported
 BEST = 3  # number of descents whose ends are refined
-SAME_END = 1e-4  # the best shaken end is refined if its IAE is below (1 + this) * the best IAE
+SAME_END = 1e-4  # the best end of descents from random starts is refined if its IAE is below (1 + this) * the best IAE
 # Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
@@ -73,6 +73,8 @@ def load(
 ) -> Design:
     r"""Return the controller with the least IAE for a step of the load at the process input.
 
+    A limit that is None does not apply.
+
     Parameters
     ----------
     process : Process
@@ -82,27 +84,25 @@ def load(
     ms : float, optional
         Largest allowed maximum sensitivity, above 1.
     mks : float, optional
-        Largest allowed gain from measurement noise to control signal, over all frequencies, in units of u per unit
-        of y. By default there is no limit.
+        Largest allowed gain from measurement noise to control signal, in units of u per unit of y.
     mt : float, optional
-        Largest allowed maximum of \|T\|, above 1. By default there is no limit.
+        Largest allowed maximum of \|T\|, above 1.
     disk : float, optional
-        Smallest allowed disk margin of `pidalab.margins`, between 0 and 2. By default there is no limit. The circle of
-        the disk margin 2/(2M - 1) encloses the circles of Ms = M and Mt = M.
+        Smallest allowed disk margin of `pidalab.margins`, between 0 and 2. A disk margin of 2/(2M - 1) implies Ms <= M
+        and Mt <= M.
     noise_gain : float, optional
-        Largest allowed `pidalab.noise_gain`, in units of u per unit of y. By default there is no limit.
+        Largest allowed `pidalab.noise_gain`, in units of u per unit of y. To limit the relative noise gain, multiply
+        its limit by the ``gain`` of `pidalab.noise_scale`.
     sample_time : float, optional
         Sample time of the noise, only with `noise_gain`. By default the sample time of `pidalab.noise_scale`, which is
-        a hundredth of the ultimate period. To limit the relative noise gain, multiply its limit by the ``gain`` of this
-        scale. The filter time is at least the sample time. If the filter time equals the sample time, ``active``
-        contains "sample_time".
+        a hundredth of the ultimate period. The filter time is at least the sample time.
     family : sequence of Process, optional
-        Other plants, with gains of the same sign, whose loops must keep `ms_worst`. The IAE is that of `process`.
+        Other plants, with gains of the same sign, whose loops must keep `ms_worst`. The IAE is computed only with
+        `process`.
     ms_worst : float, optional
         Largest allowed maximum sensitivity with each plant of the family, above 1.
     start : Design, optional
-        A design of this function for the same process and order. The search then continues from this design, instead of
-        from many starts.
+        A design of this function for the same process and order. The search then starts only from this design.
 
     Returns
     -------
@@ -111,25 +111,25 @@ def load(
 
         - ``iae``, ``ms`` and ``mks``;
         - ``noise_gain``, ``mt``, ``disk`` and ``ms_worst``, if they were limited;
-        - ``active``, the names of the active limits;
-        - ``edge``, the variables at the edge of the search. Without a limit on noise this is the filter time: a shorter
-          filter time would be better;
-        - ``valleys``, the IAE of different local optima. The first is the IAE of the design. The others are at most
-          twice as large, are given to two digits, and are missing with `start`;
+        - ``active``, the names of the active limits ("sample_time" if the filter time equals the sample time);
+        - ``edge``, the variables at the edge of the search range. Without a limit on noise this is the filter time,
+          since a shorter one would be better;
+        - ``valleys``, the IAE of different local optima. The first value is the IAE of the design. The other values are
+          at most twice as large and are accurate to two digits. With `start` there is only the first;
         - ``digits``, the number of digits of gains, filter time and IAE that are the same on every processor.
 
     Raises
     ------
     TypeError, ValueError
         If arguments are out of range, or if no controller of this order was found that keeps the limits with the
-        process and with the whole family. The limits must not contradict each other or the process: for any controller
-        with integral action, \|C S\| is 1/\|P(0)\| at zero frequency.
+        process and with the whole family. In particular, `mks` must be above 1/\|P(0)\|, which is \|C S\| at zero
+        frequency for any controller with integral action.
 
     Notes
     -----
     The search is deterministic and has many starts, but it does not prove a global optimum. Its result satisfies the
     conditions of a local optimum: the active limits hold as equations, and the Lagrangian is stationary. With a family,
-    the search continues from the optimum for the process alone, and adds the worst plants until all plants keep
+    the search first finds the optimum for the process alone. It then adds the worst plants until all plants keep
     `ms_worst`.
 
     Examples
@@ -142,7 +142,7 @@ def load(
     >>> print(f"{pid.iae:.2f} {pida.iae:.2f} {pida.active}")
     3.41 2.65 ('ms', 'mks')
 
-    To tolerate a longer dead time costs a part of this improvement:
+    Robustness to a longer dead time costs a part of this improvement:
 
     >>> late = pidalab.lags(3, delay=1.5)
     >>> safe = pidalab.optimal.load(process, 2, ms=1.4, mks=20.0, family=[late], ms_worst=1.6, start=pida)
@@ -222,7 +222,7 @@ def _best(
     -----
     The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that approach the
     limits. Each kind is tried with increasing units of time, until the IAE of the search agrees with the simulated IAE
-    to `SAME_IAE`. The family is considered only after a search without it, since the limit of the family is rarely
+    to `SAME_IAE`. The family is considered only after a search for the process alone, since `ms_worst` is rarely
     active.
     """
     import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
@@ -277,7 +277,7 @@ def _best(
 
 
 def _refusal(searches: list[Search]) -> str:
-    """Return the message of the error if no design was found. It names the limits and the nearest controller."""
+    """Return the message of the error if no design was found."""
     first = searches[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
@@ -347,7 +347,7 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
     info["active"] = (*reached, *none)
     info["edge"] = _edge(search, x)
     info["digits"] = int(-math.log10(max(result.best.step, 1e-9)))
-    # The search has a limited horizon. So all values are scaled such that the first value is the simulated IAE.
+    # The search has a limited horizon. Scale all values so that the first value is the simulated IAE.
     scale = info["iae"] / result.valleys[0]
     info["valleys"] = (info["iae"], *(scale * value for value in result.valleys[1:]))
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
@@ -380,8 +380,8 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
     The search finds different local optima (see `pidalab.optimal`) in four stages:
 
     1. The filter time is fixed at each value of a grid, and the optimum `x` at one value is the start at the next
-       value. The grid is passed downwards, upwards, and once more downwards without the highest derivative. The last
-       pass finds the optimum with one derivative less. `on_grid` collects all optima.
+       value. The grid is passed downwards, upwards, and once more downwards without the highest derivative. `on_grid`
+       collects all optima.
     2. Descents with a free filter time (`free`) begin at the optima of the grid and at the other starts.
     3. The best ends are refined (`finished`).
     4. Descents from random starts around the best end (`shaken`) check that it is a local optimum.
@@ -438,8 +438,8 @@ def _shaken(search: Search, x: Array) -> Iterator[Array]:
 def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
     """Return the best value, then the least value of each other local optimum.
 
-    A descent checks its limits on a coarse grid and may violate the limits slightly. Its value may then be below the
-    best value. So the best value represents all ends whose values are near it or below it.
+    A descent checks its limits only on a coarse grid. If it violates a limit slightly, its value may be below the best
+    value. So the best value represents all ends whose values are near it or below it.
     """
     chosen = [best]
     for value in sorted(others):

@@ -1,11 +1,11 @@
 r"""Refine an optimum until its optimality conditions hold.
 
 A descent stops when its tolerance is met. Near a flat minimum, rounding decides where the descent stops. Newton's
-method continues from this point until the optimality conditions hold: the Lagrangian is stationary, and each active
-limit is an equation at the frequency of its peak. Second derivatives are computed as differences of exact first
-derivatives. Each step solves a quadratic programme, whose multipliers decide which limits are active (Nocedal and
-Wright, Numerical Optimization, 2006, ch. 18). The quadratic programme is solved as a least-distance programme (Lawson
-and Hanson, Solving Least Squares Problems, 1974, ch. 23).
+method continues until the optimality conditions hold: the Lagrangian is stationary, and each active limit is an
+equation at the frequency of its peak. Second derivatives are computed as differences of exact first derivatives. Each
+step solves a quadratic programme, whose multipliers decide which limits are active (Nocedal and Wright, Numerical
+Optimization, 2006, ch. 18). The quadratic programme is solved as a least-distance programme (Lawson and Hanson, Solving
+Least Squares Problems, 1974, ch. 23).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the st
 # The trust region has a largest and a least radius. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
-# Kinds of peaks (see `Peaks`) below NOMINAL belong to the process, all other kinds to other plants.
+# Kinds of peaks below NOMINAL belong to the process (see `Peaks`).
 NOMINAL = len(PEAKS)
 
 
@@ -69,8 +69,8 @@ class Polished(NamedTuple):
 class Peaks:
     """Heights of peaks, as smooth functions of the unknowns.
 
-    The kind of a peak is a number. Kinds below `NOMINAL` are indices of `PEAKS`, for the limited quantities of the
-    process. Each active plant of the family has one of the next kinds, for the peaks of |S|.
+    The kind of a peak is a number. Kinds below `NOMINAL` are indices of `PEAKS`: these peaks belong to the loop with
+    the process. Each active plant of the family has one further kind, for the peaks of |S| of its loop.
     """
 
     def __init__(self, search: Search) -> None:
@@ -216,7 +216,7 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian. Peaks are refined at each point used."""
+        """Return the second derivatives of the Lagrangian, with peaks refined at each point."""
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:
@@ -349,7 +349,7 @@ def solve_qp(
     slack = np.concatenate([slack, np.full(2 * size, trust)])
     root = np.linalg.cholesky(hessian)  # hessian = root root^T
     best = np.asarray(-np.linalg.solve(hessian, slope), dtype=float)
-    turned = np.linalg.solve(root, rows.T)  # each column is a limit, in coordinates in which the hessian is 1
+    turned = np.linalg.solve(root, rows.T)  # limits (columns) in coordinates with the identity as Hessian
     wanted = -slack - rows @ best
     if np.all(wanted <= 0):
         return best, np.zeros(slack.size - 2 * size)

@@ -1,15 +1,15 @@
 r"""Compute the IAE and the slack of limits as smooth functions of the gains, with gradients, for `pidalab.optimal`.
 
-The unknowns are the gains, made dimensionless by the gain and the time scale of the process, and the logarithm of the
-filter time. With the denominator q of the filter, closed forms exist at each frequency:
+The unknowns are the dimensionless gains and the logarithm of the filter time. With the denominator q of the filter,
+closed forms exist at each frequency:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
-with exact dead time. A second transform gives the whole gradient. The IAE is the exact integral of the error, plus
-twice the area of the error with the opposite sign. This area is computed with straight lines between samples. The slope
-of this area is continuous, so that Newton's method can converge to the minimum.
+with exact dead time. A second transform gives the whole gradient. The IAE is the integral of the error, which is known
+exactly, plus twice the area of those parts of the error that have the opposite sign. This area is computed with
+straight lines between samples. Its slope is continuous, as Newton's method requires.
 
 The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
 is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by c + p,
@@ -69,12 +69,12 @@ def weights(kind: int, L: Any) -> tuple[Any, Any]:
 
 
 def turned(f: Any) -> float:
-    """Return the change of the angle of a function along closely spaced points, for the argument principle."""
+    """Return the change of the angle of a function along closely spaced points."""
     return float(np.angle(f[1:] / f[:-1]).sum())
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Return, ascending, w and the frequencies up to `end` at which a dead time turns the phase by given angles."""
+    """Return w and the frequencies up to `end` at which a dead time turns the phase by given angles, sorted."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -132,7 +132,7 @@ class Problem:
         return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
     def iae(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
-        """Return a function of the unknowns that computes the IAE of a step of the load, with its gradient.
+        """Return a function of the unknowns that returns the IAE of a step of the load and its gradient.
 
         The IAE has the unit of time of the problem. After the horizon, the error is assumed not to change its sign.
         """
@@ -152,7 +152,7 @@ class Problem:
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # An integral of the error beyond the horizon that has the opposite sign is penalised.
+            # Penalise an integral of the error beyond the horizon that has the opposite sign.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
@@ -231,7 +231,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
-    # `share` is the part of each step in which the line is below zero. It is 1 if both ends are negative.
+    # `share` is the part of each step in which the line is below zero.
     share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
     below = np.minimum(high, 0.0)
     by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
@@ -313,8 +313,8 @@ class SampledNoise:
 
     Notes
     -----
-    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered actions, and their slopes by
-    the filter time, are sums of the lags :math:`1/(1 + T_F s)^i`. With :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`,
+    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered actions and their slopes by
+    the filter time are sums of the lags :math:`1/(1 + T_F s)^i`. With :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`,
     the transfer functions :math:`X_i` of these lags after a hold satisfy the recursion
 
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
@@ -333,7 +333,7 @@ class SampledNoise:
         self.moved = np.prod((self.z - outside) / (self.z - 0.5 * outside / np.abs(outside)), axis=0)
         self.integrator = sample_time / (self.z - 1)
         self._expand()
-        # These are the weights of the trapezoidal rule over the upper half of the circle.
+        # Weights of the trapezoidal rule on the upper half of the circle.
         steps = np.diff(self.w)
         self.weight = 0.5 * (np.append(steps, 0.0) + np.append(self.w[0], steps)) * sample_time / np.pi
 
@@ -358,7 +358,7 @@ class SampledNoise:
     def unstable(self, x: Array) -> bool:
         """Return True if the sampled loop is unstable, by the argument principle for 1 + L.
 
-        In 1 + L, the unstable poles of L are moved inside the circle.
+        The unstable poles of L are first moved inside the circle.
         """
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
         # The function is real at both ends of the half circle.
@@ -416,7 +416,7 @@ class SampledNoise:
 def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
     """Return frequencies up to half the sampling frequency.
 
-    They are spaced logarithmically and evenly, and are dense enough to follow the phase of the dead time.
+    They are dense enough to follow the phase of the dead time.
     """
     top = np.pi / h
     lowest = min(1e-4 / time, 1e-3 / h)

@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
-The candidates for starts form two families. The first family consists of PI and PID controllers with filters of several
-speeds. The second family is for plants that are stable only with derivative or acceleration. The zeros of its
-controllers are all equal, and below a chosen crossover.
+The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
+filter times. The second family is for plants that only derivative or acceleration stabilises. Each of its controllers
+has equal zeros, below a chosen crossover.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from pidalab.requirements import Requirements
 from pidalab.robustness.poles import is_stable
 
 FINE_SAMPLES = 8192  # number of samples of the response for the final IAE
-# Grid of the logarithms of filter times: largest value, smallest value, and number of values. The unit of time is that
-# of the problem.
+# Grid of the logarithms of filter times, in units of time of the problem: largest value, smallest value, and number of
+# values.
 SLOWEST_ON_GRID, FASTEST_ON_GRID, GRID_SIZE = 1.0, -5.0, 13
 FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
 LARGEST_GAIN = 1e6  # in the units of gain of the problem
@@ -51,7 +51,7 @@ FINER = 12  # number of frequencies for the final noise gain, divided by the num
 
 
 class Search:
-    """Problem with limits at a set of frequencies, to which peaks between the frequencies are added."""
+    """Problem with limits at a set of frequencies, to which frequencies around peaks are added."""
 
     nearest: Array | None = None  # controller nearest to the limits, from `approached`
     family: tuple[Process, ...] = ()  # plants with positive gain that must keep ms_worst
@@ -60,7 +60,7 @@ class Search:
         self.problem, self.limits = problem, limits
         self.active: list[int] = []  # plants of the family that the descents consider
         time = problem.time
-        # The frequencies are dense around the crossover, and dense enough to follow the phase of the dead time.
+        # The frequencies are dense around the crossover, and follow the phase of the dead time.
         far = np.geomspace(10.0, 2.0 / np.exp(FASTEST_ON_GRID), 16)[1:]
         w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
@@ -134,7 +134,7 @@ class Search:
         highest: float = LARGEST_GAIN,
         effort: tuple[int, float] = ROUGH,
     ) -> tuple[float, Array, float]:
-        """Run sequential quadratic programming from a start. Return the IAE, the unknowns and the largest violation.
+        """Run sequential quadratic programming. Return the IAE, the unknowns and the largest violation.
 
         The filter time is fixed if it is given, and `highest` bounds the gain of the highest derivative.
         """
@@ -163,8 +163,8 @@ class Search:
                 end = np.clip(scaled.back(solution.x), low, high)
                 before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
-                # A long descent may have ended early, because it used the curvature at its start. So it is continued
-                # from its end.
+                # A long descent may have ended early, because it used the curvature at its start. Continue it from its
+                # end.
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
                     break
                 x = end
@@ -244,7 +244,7 @@ FILTERS = (-4.0, -2.0, 0.0)
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # an approach to the limits ends at this violation, slightly within the limits
+INSIDE = -1e-3  # least violation at which `relax` ends, slightly within the limits
 TRIED = 60  # number of candidates whose stability is checked
 STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts; least distance between two (see `_apart`)
 NEAREST = 4  # number of candidates from which the limits are approached
@@ -273,7 +273,7 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 def approached(search: Search) -> list[Array]:
     """Return a start that keeps all limits, found from candidates that violate limits.
 
-    Store in `search.nearest` the controller that is nearest to the limits.
+    Store the controller nearest to the limits in `search.nearest`.
     """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
@@ -294,7 +294,7 @@ def stabilising(search: Search) -> Iterator[Array]:
 def _ranked(search: Search) -> list[Array]:
     """Return candidates whose loops are stable on a grid of frequencies.
 
-    They are sorted by rising violation of the limits. Candidates with equal violation are sorted by falling ki.
+    They are sorted by rising violation of the limits, then by falling ki.
     """
     problem, constraints = search.problem, search.constraints()
     likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))

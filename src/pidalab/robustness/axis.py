@@ -2,9 +2,9 @@
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
 points, but the dead time turns the phase without bound. A grid step is therefore divided further if the dead time turns
-the phase quickly within the step *and* a crossover or peak is possible there. A crossover is possible if the magnitude
-of L is large enough, and a peak if its upper bound is high enough. All crossovers, or all peaks, are then refined at
-once.
+the phase quickly within the step *and* the step may contain a crossover or peak. It may contain a crossover if the
+magnitude of L is large enough, and a peak if its upper bound is high enough. All crossovers, or all peaks, are then
+refined at once.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
 QUICK = 12.0
-MOST_PROBED = 20  # a peak is first sought around at most this number of gain crossovers
+# Before the search on the grid, peaks are sought around at most this number of gain crossovers.
+MOST_PROBED = 20
 TO_AN_END = 1e-7  # a peak counts only if it exceeds (1 + this) * the limits at both ends of the axis
 # The characteristic function N + D counts as 0 if its modulus is at most this number times |N| + |D|.
 ON_CONTOUR = 1e-9

@@ -33,7 +33,7 @@ CLEAR = 10.0  # the grid is extended until |L| has passed this value or 1 / this
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    `speeds` holds the modulus of each pole, or another value above 0 for a pole at 0.
+    `speeds` holds the modulus of each pole. A pole at 0 has the speed of the slowest other pole, if there is one.
     """
 
     gain: float
@@ -142,7 +142,7 @@ class AxisInS(Axis):
         with np.errstate(all="ignore"):
             level = np.log(np.abs(num) / np.abs(den))
             flat = np.abs(level) <= ON_CONTOUR
-            # At a pole of L on the contour D = 0, so f = N + D is 0 if N = 0 as well.
+            # If a pole of L lies on the contour, D is 0 there. So f = N + D is 0 if N is 0 too.
             off = np.abs(factors.poles.real + contour_slope * factors.poles.imag + contour_shift)
             poles = np.abs(factors.poles[off <= ON_CONTOUR * np.abs(factors.poles)].imag)
             points = np.concatenate([[0.0], edges, touched, w[flat], poles])

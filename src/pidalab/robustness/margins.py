@@ -20,7 +20,7 @@ from pidalab.robustness.poles import count_unstable, is_stable
 # With dead time, phase crossovers are sought where |L| is above this value. If |L| is at least 1 at all of these
 # crossovers, the search continues at smaller |L|.
 QUIETEST = 0.1
-# In the search for a gain, the grid is divided for the phase of the dead time where |L| is above this value.
+# In the search for a gain, the grid resolves the phase of the dead time at frequencies where |L| is above this value.
 QUIETEST_GIVEN = 0.1
 FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
 AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak / frequency of the peak
@@ -64,8 +64,8 @@ class Margins:
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
         Only those with \\|L\\| >= 0.1 are listed. If none of these has \\|L\\| < 1, crossovers with smaller \\|L\\| are
-        included. If the dead time of an unstable loop turns the phase more than about 300,000 times where \\|L\\| is
-        large enough, no phase crossovers are listed, and the gain margins are NaN.
+        included. If an unstable loop has more than about 300,000 turns of phase in this range of \\|L\\|, no phase
+        crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool

@@ -167,7 +167,6 @@ def tune(
     huba2024      argument
     ============  ====================
     K_sp, T_dp    `model`
-    n             `n`
     T_f           `filter_time`
     N             `weight`
     U_min, U_max  `limits`

@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# For PI and PID: a * kp with a = K L/T, then ti divided by L (load) or by T (setpoint), then td/L.
+# Each triple holds kp K L/T, the integral time (ti/L for load, ti/T for setpoint) and td/L, first for PI, then for PID.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),

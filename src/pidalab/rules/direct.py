@@ -1,6 +1,6 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
-The controllers and the range of models are the same as in `itae`, but the results are closer to the least ITAE. For
+Symbols, controllers and range of models are the same as in `itae`, but the results are closer to the least ITAE. For
 set-point steps, the zeros of most of the best controllers cancel the poles of the model. For overdamped models with
 long dead time, cancelling the poles raises the ITAE by up to 11 %. The formulas for load steps are fitted to
 controllers with Ms of at most 2. The chapter on heo2023 compares these rules with the optima and with other rules.
@@ -89,16 +89,14 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
               \begin{pmatrix} 1 \\ r\,\xi \\ r^2 \end{pmatrix}, \qquad
               \tau_a^2 = 2\left(\frac{k_a}{k_p} + \alpha_d \tau_d^2\right)
 
-    The term :math:`\alpha_d \tau_d^2` compensates the derivative filter.
-
     The constants are fitted to the optima with Ms ≤ 2 for 42 of the 80 models of a grid, with the default filters. On
     this grid the ITAE exceeds the least ITAE for Ms ≤ 2 by 9 % on average (geometric mean) and at most 34 %. On 40
     other models it exceeds the least by 9 % and at most 29 %. Ms is 1.66 to 2.02. If Ms is not bounded, the least ITAE
     is on average 37 % of the least ITAE for Ms ≤ 2, but Ms is up to 7.3.
 
     With the rule of the paper (Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models the paper's
-    rule has a smaller ITAE than `load`, but Ms is 2.09 or more. In the paper's three examples its ITAE is 14 % to 24 %
-    smaller, but Ms is 3.0 to 4.8 instead of 1.9.
+    rule has a smaller ITAE than `load`, but Ms is 2.09 or more. In the paper's three examples the ITAE of the paper's
+    rule is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
 
     Parameters
     ----------

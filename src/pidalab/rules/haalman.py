@@ -29,21 +29,13 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     ``ta = a3/a1``. The gain is the smallest for which the loop of model and filtered controller, eq. (2), has the
     maximum sensitivity `ms`. This loop does not contain the output filter (9).
 
-    ============  ======================================
-    haalman2024   here
-    ============  ======================================
-    P̂             `model`, K / (a3 s³ + a2 s² + a1 s + 1)
-    M_s           `ms`
-    N, M          `n`, `m`
-    ============  ======================================
-
     Use `output_filter` or a prefilter of the set point. With neither of them, a unit step of the set point moves the
     control signal to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
 
     Parameters
     ----------
     model : Process
-        Process with constant numerator, three stable poles and dead time.
+        Process K / (a3 s³ + a2 s² + a1 s + 1) with stable poles and dead time (P̂ in the paper).
     ms : float, optional
         Maximum sensitivity of the loop, above 1. The paper uses 1.4 (cautious) and 2.0 (fast).
     n : float, optional

@@ -10,8 +10,8 @@ differ from the paper as we read it, since either the print or our reading is wr
 * Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left side, gives the integral time for r > 1.
   It continues the formula for r ≤ 1, with a jump of 1.4 %.
 * Table 3: both exponentials have a negative argument, as in Table 2.
-* Table 3: the formula of the gain changes at r = 0.9, where the gain jumps by 0.003, not at ξ = 0.9. At ξ = 0.9 the
-  gain would jump by 29 for r = 0.1. It would also have the wrong sign for ξ = 0.3 and r = 2.
+* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the gain jumps by 0.003. At ξ = 0.9
+  the gain would jump by 29 for r = 0.1, and it would have the wrong sign for ξ = 0.3 and r = 2.
 * Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 

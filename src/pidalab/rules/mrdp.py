@@ -13,7 +13,7 @@ which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
 The sums of the Taylor polynomial telescope. With :math:`a = -x_o` and the truncated exponential
 :math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of :math:`x^j` in N is
 
-.. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right),
+.. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
 In double precision the formula is accurate to 14 digits for m up to at least 24. In particular
 :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`.
@@ -127,7 +127,6 @@ def filter_ratio(m: int, n: int) -> float:
     Returns
     -------
     float
-        T_f / T_e.
 
     Raises
     ------

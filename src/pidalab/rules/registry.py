@@ -6,7 +6,7 @@
 model            definition
 ===============  =====================================================================================================
 `process`        the process itself
-`reaction`       lag and dead time from the steepest tangent and 63 % of the step response, or an integrator
+`reaction`       lag, dead time from the steepest tangent and 63 % of the step response; `integrator` if it integrates
 `first_order`    `reduction.to_fopdt`
 `second_order`   `reduction.to_sopdt`
 `third_order`    `identification.three_point` of the step response
@@ -36,7 +36,7 @@ from pidalab.rules._design import Design
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps for which a rule is made
-# For rules that leave the filter to the user: the dead time that the filter adds, divided by that of the model.
+# If a rule leaves the filter to the user, the filter adds a delay of FILTER_SHARE * dead time of the model.
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of controllers with automatic reset
 IMC = "heo2023, rows IMC"

@@ -1,18 +1,18 @@
 r"""Simulate linear loops with dead time exactly.
 
 A loop that is opened at its dead time h has the equations x' = A x + b w, v = c_v x + d_v w and w(t) = v(t - h).
-Usually one signal is delayed. With a filter that is very much faster than the plant there are three delayed signals,
-and matrices replace b, c_v and d_v. Stack the present and the past states, (x(t), x(t - h), x(t - 2h), ...). Between
-multiples of h this stack obeys an ordinary linear differential equation. The matrix of this equation is block Toeplitz,
-that is, a power series in the shift z = e^{-hs}:
+Usually one signal is delayed. With a filter that is very much faster than the plant, three signals are delayed, and
+matrices replace b, c_v and d_v. Stack the present and the past states, (x(t), x(t - h), x(t - 2h), ...). Between
+multiples of h this stack obeys an ordinary linear differential equation, whose matrix is block Toeplitz, that is, a
+power series in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
 So :math:`x(t + \tau) = \sum_j \Phi_j(\tau)\, x(t - jh)` with :math:`\sum_j \Phi_j(\tau) z^j = e^{\mathcal A(z)\tau}`.
 This equation is exact if no multiple of h lies strictly between t and t + tau. The simulation has four steps:
 
-1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring. The unit matrix is left out,
-   so that slow states keep their digits next to fast states.
+1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring (see
+   `pidalab.simulation.ring`).
 2. Compute the states at the multiples of h, one after the other.
 3. Advance the stack at each multiple to the first requested time after the multiple, by powers and by a Taylor series
    for the remainder.
@@ -39,24 +39,23 @@ from pidalab.signals import REFINEMENT, apply_to_finer
 from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
 from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
-# A response is checked if the dead time is longer than this number of time constants of the fastest state, since digits
-# may then cancel. Without dead time, the simulated time is used instead.
+# A response is checked if the dead time and the simulated time both exceed this number of time constants of the fastest
+# state, since digits may then cancel. Without dead time, only the simulated time counts.
 CHECKED_FROM = 3e3
-# A response is computed again with the first of these units of time and u. If the comparison with the original response
-# does not decide, the next units are used.
+# Units of time and u with which a response is computed again, until the comparison with the original response decides.
 OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared
-DENSE = 10_000  # before a response is refused, its size is computed at this number of times or more
-# Allowed difference of two responses, divided by the largest value of the signal. Nine digits are promised.
+DENSE = 10_000  # least number of times at which the size of a response is computed before it is refused
+# Allowed difference of two responses, divided by the largest value of the signal.
 AGREEMENT = 1e-10
-# If two responses differ by less than this, no third response is needed, since equal errors are unlikely.
+# If this quotient is smaller than CERTAIN, no third response is needed, since equal errors are unlikely.
 CERTAIN = 1e-12
 # Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times. A kick
 # is a short, very large signal of a fast state.
 OUTSIDE_KICKS = 1e-6
 KICK_DURATION = 60.0  # a kick lasts this number of time constants of its fast state
-# Times are rounded to 1e-16 of their value. At times beyond this number of time constants of the fastest state, the
-# rounded time no longer determines the value within a kick.
+# Number of time constants of the fastest state after which a time, rounded to 1e-16 of its value, no longer determines
+# the value within a kick.
 KICK_UNRESOLVED = 1e5
 
 
@@ -72,14 +71,14 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     Raises
     ------
     ValueError
-        If too many digits were lost, and in all cases in which `pidalab.simulation.ladder.responses` raises an error.
+        If too many digits were lost. Also as for `pidalab.simulation.ladder.responses`.
 
     Notes
     -----
     The number of digits that cancel does not follow from the speeds of a loop. So the response of a stiff loop is
-    computed again in other units. The ratio of the units is not a power of 2, so that every coefficient, state and
-    power is rounded differently. The shortest power then spans half the time. If both responses agree to ten digits,
-    each has lost at most about six of its sixteen digits.
+    computed again in other units. The ratio of the units is not a power of 2, and the shortest power spans half the
+    time, so that every coefficient, state and power is rounded differently. If both responses agree to ten digits, each
+    has lost at most about six of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
@@ -102,7 +101,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
     """Return the cut loop, a bound of its norm, and True if digits may cancel."""
     cut = cut_at_delay(loop, inputs)
     norm = norm_over(cut, n, step)
-    # Without dead time the cut loop is closed, and the poles of its blocks may be faster than its own poles.
+    # Without dead time the cut loop is closed, and the poles of the blocks may be faster than those of the closed loop.
     speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
     return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
 
@@ -167,10 +166,10 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
     Notes
     -----
     The size at a time is the largest value of the signal from t = 0 until one dead time after this time. So a growing
-    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros. A
-    difference after a kick of 1e13 would be negligible in comparison with the kick. So values outside kicks are also
-    compared with the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of
-    the dead time do not count, because a value within a kick is only as exact as its time.
+    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros.
+    Compared with a kick of 1e13, every later difference would be negligible. So values outside kicks are also compared
+    with the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead
+    time do not count, because a value within a kick is only as exact as its time.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -234,8 +233,8 @@ def simulate(
 ) -> Response:
     """Simulate a linear loop exactly, including its dead time.
 
-    The loop is at rest before t = 0. There is no Padé approximation and no interpolation. The values are those of the
-    continuous-time loop at the requested times. The dead time need not be a multiple of the time step.
+    The loop is at rest before t = 0. The values are those of the continuous-time loop, without Padé approximation or
+    interpolation. The dead time need not be a multiple of the time step.
 
     Parameters
     ----------
@@ -362,8 +361,7 @@ def _superpose(unit: Array, signal: Array, t: Array) -> Array:
     from scipy.signal import fftconvolve
 
     # The rounding errors of an FFT convolution are proportional to its largest value. A growing response is damped
-    # before the convolution and restored afterwards, so that the errors are proportional to the largest value up to
-    # each time.
+    # before the convolution and restored afterwards, so that its early values keep their digits.
     growth = np.log(np.maximum.accumulate(np.max(np.abs(unit), axis=0)) + 1.0)
     middle = (t.size - 1) // 2
     rate = max(0.0, (growth[-1] - growth[middle]) / (t[-1] - t[middle]))
@@ -465,7 +463,7 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
 
 
 def _as_input(final: float | None, record: Response) -> Response:
-    """Convert a response to a load step to a response to the process input."""
+    """Turn the load of a response into its control signal."""
     finer = partial(apply_to_finer, record, partial(_as_input, final))
     return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)
 
@@ -486,8 +484,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. It is doubled until the error has decayed. It is also doubled while it is
-        at most twice the dead time, since the loop has hardly reacted by then.
+        End of the first simulation, above 0. It is doubled until it is longer than twice the dead time and the error
+        has decayed.
 
     Returns
     -------

@@ -1,22 +1,22 @@
 """Compute step responses of a loop with dead time, one dead time after the other (see `pidalab.simulation.exact`).
 
-A *stack* is a row of states at distances of one dead time, with the present state last. The *age* of a state is its
-distance from the present in dead times, and a stack of m ages has m states. A *power* is the matrix exponential of the
-loop, minus the unit matrix, for a time of step * 2^p. Here `step` is the time between requested times, p is an integer,
-and ``powers[i]`` has p = low + i. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power
-is the number of ages that the power reads.
+A *stack* of m ages is a row of m states at distances of one dead time, with the present state last. The *age* of a
+state is its distance from the present in dead times. A *power* is the matrix exponential of the loop, minus the unit
+matrix, for a time of step * 2^p. Here `step` is the time between requested times, p is an integer, and ``powers[i]``
+has p = low + i. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the number of
+ages that it reads.
 
 Notes
 -----
-*Length of a stack.* A power of reach R computes the new state of age a from the old states of ages a to a + R - 1
-only. So the youngest m new states depend on the youngest m + R - 1 old states. Every stack is truncated by this rule:
-its length is the number of ages that the outputs read, plus R - 1 for each power that is still to be applied. No stack
-goes back beyond t = 0, because all earlier states are 0. So this truncation adds no error.
+*Length of a stack.* A power of reach R computes the new state of age a from the old states of ages a to a + R - 1. So
+the youngest m new states depend on the youngest m + R - 1 old states. Every stack is truncated to the number of ages
+that the outputs read, plus R - 1 for each power that is still to be applied. States before t = 0 are left out as well,
+because they are 0. This truncation adds no error.
 
-*Error bound.* If one power is applied r times, this rule would add R - 1 to the length r times. But the binary digits
-of r select higher powers with the same product, and only the reaches of these powers count. Their sum is less than r R,
-because the last coefficients of each power are dropped (see `ring.shortened`). Only the oldest states of
-the stack are then inexact: they lack the terms of the dropped coefficients. In the same way, an output ignores the
+*Error bound.* If one power of reach R were applied r times, the stack would need r (R - 1) more ages. Instead, one
+higher power is applied for each binary digit 1 of r. Together these powers have the same effect with a smaller total
+reach, because the last coefficients of each power are dropped (see `ring.shortened`). The oldest states of the stack
+lack the terms of the dropped coefficients, so only these states are inexact. In the same way, an output ignores its
 oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output. In the
 balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of powers, the
 largest coefficient of a power, the gain of the other powers that are applied, and the largest old state. This bound is
@@ -47,7 +47,7 @@ from pidalab.simulation.stacks import (
     summed,
 )
 
-MAX_STACK = 4000  # largest number of state variables in a stack; a longer stack takes too long
+MAX_STACK = 4000  # largest number of state variables in a stack
 MAX_WORK = 4e9  # largest number of multiplications; this number takes a few seconds
 MAX_ANCHORS = 1e7  # largest number of state variables at all multiples of the dead time together
 LONGEST_RUN = 8  # usually at most 2**8 requested times are read from one stack
@@ -66,16 +66,8 @@ class ManyDeadTimes(ValueError):
 def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
     """Compute y, its running integral and u at n times from 0, for a unit step on each input. Shape: (inputs, 3, n).
 
-    Parameters
-    ----------
-    cut : Cut
-        The loop, opened at its dead time.
-    n : int
-        Number of times.
-    step : float
-        Time from one requested time to the next.
-    norm : float
-        Value of `norm_over`, or a larger number. A larger number makes the lowest power shorter.
+    `step` is the time from one requested time to the next. `norm` is the value of `norm_over` or a larger number, which
+    makes the lowest power shorter.
 
     Raises
     ------
@@ -106,7 +98,7 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Return an upper bound of the norm of A(z) (see `pidalab.simulation.exact`), for ages within the n times."""
+    """Return an upper bound of the norm of A(z) (see `pidalab.simulation.exact`), for the ages that n times span."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
@@ -131,20 +123,20 @@ def _responses(cut, step, n, intervals, norm):
 
     Notes
     -----
-    The multiple k is the time k * delay, and the interval k is the time from the multiple k to the multiple k + 1. The
-    number states[i, k * size + j] is state variable j at the multiple k, for input i. The derivative of order m of this
-    variable, times delta^m / m!, is terms[i, m, (k - start) * size + j]. Here `start` is the first multiple in `terms`,
-    and `delta` is the time of the lowest power that advances stacks. The loop over k keeps these invariants:
+    Multiple k is the time k * delay, and interval k is the time from multiple k to multiple k + 1. For input i, state
+    variable j at multiple k is states[i, k * size + j]. Its derivative of order m, times delta^m / m!, is terms[i, m,
+    (k - start) * size + j]. Here `start` is the first multiple in `terms`, and `delta` is the time of the lowest power
+    that advances stacks. The loop over k keeps these invariants:
 
-    * When the pass for k begins, the outputs at all requested times before the multiple k are computed, and `first` is
-      the index of the next requested time.
-    * `terms` holds all derivatives that a stack of `deepest` ages at the multiple k reads.
-    * The stack at the first requested time of an interval is computed in two parts. A Taylor series spans the time
-      share * delta from the multiple k. Powers then span the time count * delta: the binary digits of the whole number
-      `count` select the powers.
+    * When the pass for k begins, the outputs at all requested times before multiple k are computed, and `first` is the
+      index of the next requested time.
+    * `terms` holds all derivatives that a stack of `deepest` ages at multiple k reads.
+    * The first requested time of an interval is (count + share) * delta after multiple k, with an integer `count`. A
+      Taylor series advances the stack by share * delta. The powers that the binary digits of `count` select then
+      advance it by count * delta.
     * Each stack has only the ages that its own outputs and the later stacks of the interval need.
 
-    A run is a number of successive requested times whose outputs are computed at once, as one product of a stack and
+    A run is a group of successive requested times whose outputs are computed at once, as one product of a stack and
     `rows`.
     """
     A, B, Cv, D, delay = cut.A, cut.B, cut.Cv, cut.D, cut.delay
@@ -172,7 +164,7 @@ def _responses(cut, step, n, intervals, norm):
         return result, 0, TOO_LARGE
     # The Taylor series that advances a stack spans less than delta. It ends where its terms are negligible.
     spanned = min(SERIES, -low)
-    bits = min(-low, len(powers))  # a distance is at most a step and at most a dead time
+    bits = min(-low, len(powers))  # `distance`, below, is at most a step and at most a dead time
     delta = step * 2.0 ** (low + spanned)
     series, term = 1, norm * delta
     while term > 1e-18:
@@ -246,7 +238,6 @@ def _responses(cut, step, n, intervals, norm):
         last = n if k == intervals else min(n, first_time(k + 1, step, delay))
         if first >= last:
             continue
-        # The first requested time is `distance` = (count + share) * delta after the multiple.
         distance = distance_after(k, first, step, delay)
         count = np.floor(distance / delta)
         share = distance / delta - count

@@ -98,7 +98,6 @@ class _Compiler:
             self.free = kept
 
     def assign(self, name: str, value: int | bool, mask: int | None) -> None:
-        """Assign a value to a name."""
         if isinstance(value, bool):
             self.known[name] = value
         elif mask is not None:

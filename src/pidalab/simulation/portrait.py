@@ -1,6 +1,6 @@
 """Performance portraits: measures of one loop for thousands of parameter sets (huba2024, sec. 2.3).
 
-An executor computes the sets in parts. The result of a set is the same in any part and with any executor.
+The sets are computed in parts. The result of a set does not depend on its part or on the executor.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[C
 
 
 def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:
-    """Discretise the prefilters in controllable canonical form. The last axis is the sets."""
+    """Discretise the prefilters in controllable canonical form. The sets are on the last axis."""
     q = len(bank.den) - 1
     num, den = np.stack(bank.num, axis=-1), np.stack(bank.den, axis=-1)
     num, den = num / den[:, :1], den / den[:, :1]
@@ -252,15 +252,13 @@ def portrait(
     prefilter: tuple[Sequence[ArrayLike], Sequence[ArrayLike]] | None = None,
     executor: Executor | None = None,
 ) -> Portrait:
-    r"""Simulate a loop for many parameter sets, and return the measures of each set.
-
-    Each set is simulated as `simulate_sampled` does, but no signal is stored.
+    r"""Simulate a loop for many parameter sets as `simulate_sampled` does, and return measures instead of signals.
 
     Parameters
     ----------
     loop : Loop
-        A process and a `SeriesPIDA`. Values of the controller that `parameters` does not name are the same for all
-        sets. The loop may have a prefilter, but no output filter.
+        A process and a `SeriesPIDA`, whose values hold for all sets unless `parameters` names them. The loop may have a
+        prefilter, but no output filter.
     parameters : mapping of str to array_like, or pandas.DataFrame
         Arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast to the shape of the grid.
     t : array_like, shape (n,)

@@ -1,10 +1,8 @@
 """Convert a loop that is opened at its dead time to state-space form.
 
-Each block is driven by the preceding blocks. The order is process, integral of the process output, prefilter, and
-controller with output filter. A derivative filter that is much faster than the plant would compute s^2 y as a
-difference of nearly equal states. Each state of such a fast part is therefore replaced by its distance from a
-quasi-steady value, which follows from the slow states. The quasi-steady output of the fast part is the transfer
-function of this part, evaluated at the matrix of the slow states.
+A derivative filter that is much faster than the plant would compute s^2 y as a difference of nearly equal states. Each
+state of such a fast part is therefore replaced by its distance from a quasi-steady value, which follows from the slow
+states.
 """
 
 from __future__ import annotations
@@ -32,9 +30,9 @@ def without_slow_parts(
 ) -> tuple[Any, Any]:
     """Subtract slow parts from the product of two fractions. Return numerator and poles of the remainder.
 
-    First the slow parts are subtracted in the numerator. Then the numerator is divided by the polynomial of the slow
-    poles. The division begins at the highest power, which belongs to the fast terms, so that no small difference of
-    large numbers is formed.
+    The slow parts are subtracted in the numerator, which is then divided by the polynomial of the slow poles. The
+    division begins at the highest power, which belongs to the fast terms, so that no small difference of large numbers
+    is formed.
     """
     num = np.convolve(first[0], second[0]) / (first[1][0] * second[1][0])
     poles = np.concatenate([part.poles for part in fast])
@@ -77,9 +75,8 @@ def times_ring_function(
 ) -> Array:
     r"""Return (row + direct W) H(A(z)) for a fraction H: one row of coefficients for each age of the state x.
 
-    The result is the output of a block H that is much faster than its input, the signal row x + direct W. The algorithm
-    is that of `times_function`, with the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop, which
-    includes the past states.
+    H is much faster than its input, the signal row x + direct W. The algorithm is that of `times_function`, with the
+    matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop, which includes the past states.
     """
     A, B, Cv, D = delayed
     if not dead_time:
@@ -111,21 +108,18 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
     return np.array(read)
 
 
-# A part of the controller is decoupled (see `_cut`) if two conditions hold. First, its slowest pole is more than FASTER
-# times as fast as the fastest state that drives the part. Second, the loop gain at the speed of this state is below
-# HIGH_GAIN. With a higher gain the loop would be much faster, and the plant would act as a chain of integrators. With
-# FASTER = 100, a filter 50 times faster than its plant would not be decoupled. The kick of this filter, a short signal
-# of 1e5 times y, would be a difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of
-# its largest value.
+# A part of the controller is decoupled (see `_cut`) if its slowest pole is more than FASTER times as fast as the
+# fastest state that drives the part, and if the loop gain at the speed of this state is below HIGH_GAIN. With a higher
+# gain the loop would be much faster, and the plant would act as a chain of integrators. With FASTER = 100, a filter 50
+# times faster than its plant would not be decoupled. Its kick, a short signal of 1e5 times y, would be a difference of
+# nearly equal states: after a step of the load, u had errors of up to 5e-8 of its largest value.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# Parts that are more than STIFF times as fast as the states that drive them may be kept out of the process (see
-# `_cut`). All other parts then count as slow.
+# Parts that are more than STIFF times as fast as the states that drive them are kept out of the process (see `_cut`) if
+# they are even more than VERY_STIFF times as fast, and if their kicks change the process output by less than
+# SENDS_LITTLE. All other parts then count as slow. After a part that is kept out has settled, u is read from the past
+# and present states that drive the part, because the rounding of its own states grows with the ratio of the speeds. The
+# effect of the fast states on the process is then neglected, since it decreases with the square of this ratio.
 STIFF = 100.0
-# Parts that are more than VERY_STIFF times as fast as these states are kept out of the process if their kicks change
-# the process output by less than SENDS_LITTLE. After such a part has settled, u is read from the past and present
-# states that drive the part, because the rounding of the states of the part grows with the ratio of the speeds. The
-# effect of the fast states on the process is then neglected, since this effect decreases with the square of the ratio
-# of the speeds.
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
 # Number of time constants after which a mode is negligible, even if its initial value is 1e7 times u.
@@ -154,7 +148,7 @@ class Cut(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """The fractions of a loop, in the units of a cut."""
+    """The fractions of a loop, in the units of a `Cut`."""
 
     blocks: Mapping[str, Fraction]
     open_loop: Fraction
@@ -162,8 +156,8 @@ class _Blocks(NamedTuple):
 
 
 # Channels of the dead time. INPUT is the process input. If fast parts of the controller are kept out of the process,
-# there are two more channels, and INPUT lacks the contribution of the fast parts. ERROR is then the error that drives
-# the fast parts, and RUSH is their contribution to the process output.
+# INPUT lacks their contribution, and there are two more channels: ERROR is the error that drives the fast parts, and
+# RUSH is their contribution to the process output.
 INPUT, ERROR, RUSH = range(3)
 
 
@@ -265,22 +259,17 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
     Notes
     -----
     States are appended in this order: step inputs, process, integral of y, prefilter, slow parts of the controller,
-    fast parts. Each signal is a row of coefficients of states and delayed signals, and any block that is appended later
-    can read the signal.
+    fast parts.
 
-    The poles of a fast part of the controller are much faster than all states that drive the part. There are three
-    cases:
+    The poles of a fast part of the controller are much faster than all states that drive the part. There are two cases:
 
-    * Without fast parts, u is the sum of the slow parts and of the direct feedthrough times the error.
-    * A fast part is usually decoupled. The states of the part are stored as distances from X x (see
-      `append_decoupled`). Then u contains the slow states times H(A_x), the transfer function of the fast part
-      evaluated at the matrix of the slow states.
-    * A very stiff part is kept out of the process. The kicks of such a part are up to 1e8 times as large as their
-      effect on the process output, so that large numbers would cancel in the process. The dead time then has three
-      channels. The channel ERROR drives the process with the quasi-steady effect of the part, and the channel RUSH adds
-      the effect of the fast states to the process output.
-
-    Without dead time the loop is closed at the end, by the equation W = Cv x + D W.
+    * A fast part is usually decoupled. Its states are stored as distances from X x (see `append_decoupled`). Then u
+      contains the slow states times H(A_x), the transfer function of the fast part evaluated at the matrix of the slow
+      states.
+    * A very stiff part is kept out of the process. Its kicks are up to 1e8 times as large as their effect on the
+      process output, so that large numbers would cancel in the process. The dead time then has three channels. The
+      channel ERROR drives the process with the quasi-steady effect of the part, and the channel RUSH adds the effect of
+      the fast states to the process output.
     """
     process, prefilter = realise(*loop.blocks["process"]), realise(*loop.blocks["prefilter"])
     control = loop.blocks["controller"], loop.blocks["output_filter"]
@@ -328,7 +317,6 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
             if apart:
                 rush[place] = times_function(part.c, part.A, num, poles)
                 rush[:driving] += rush[place] @ X
-    # A fast part that is kept out of the process acts on the process output through the channel RUSH.
     v = (u if apart else rows[2]) + states.signal(d)
     Cv, D, settled, settling = v[None, :size], v[None, size:], np.zeros((0, size)), np.inf
     if apart:
@@ -346,7 +334,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         settled[0] += u[:size]
         settling = FADED_AWAY / float(np.min(np.abs(fast[0].poles)))
     C, direct_C = rows[:, :size], rows[:, size:]
-    if not loop.delay:  # close the loop
+    if not loop.delay:  # close the loop by W = Cv x + D W
         W = np.linalg.solve(np.eye(channels) - D, Cv)
         A, C = A + B @ W, C + direct_C @ W
         B, Cv, D, direct_C = (np.zeros_like(x) for x in (B, Cv, D, direct_C))
@@ -358,8 +346,8 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
 def _balanced(cut: Cut) -> Cut:
     """Change the units of the states so that rows and columns of |A| + |B| |Cv| are of similar size.
 
-    The units are powers of 2, so that nothing is rounded. With rows and columns of similar size, a coefficient that is
-    much smaller than the largest coefficient is negligible for every state.
+    The units are powers of 2, so that nothing is rounded. A coefficient that is much smaller than the largest
+    coefficient is then negligible for every state.
     """
     scale = dgebal(np.abs(cut.A) + np.abs(cut.B) @ np.abs(cut.Cv), scale=1)[3]
     return cut._replace(
@@ -376,8 +364,8 @@ def _balanced(cut: Cut) -> Cut:
 def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
     """Return True if the kicks of very fast parts have almost no effect on the output of the process.
 
-    The height of a kick is the larger of two numbers: the direct feedthrough, and the gain of controller and output
-    filter at the speed of a part. `driving` is the speed of the fastest state that drives the parts.
+    The height of a kick is the direct feedthrough, or the gain of controller and output filter at the speed of a part
+    if this gain is larger. `driving` is the speed of the fastest state that drives the parts.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])

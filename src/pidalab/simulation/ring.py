@@ -1,19 +1,19 @@
 r"""Compute exponentials of the block Toeplitz matrix of a loop with dead time (see `pidalab.simulation.exact`).
 
 An element of the ring is a power series in z whose coefficients are matrices :math:`\Phi_k`. The coefficient
-:math:`\Phi_k` multiplies the state k dead times ago. The age of this state is k, and the reach of an element is the
-number of its coefficients. An element is stored as an array of shape (order, reach * order), which holds the transposed
-coefficients :math:`\Phi_k^T` side by side. States are rows, and are multiplied by elements from the right. All elements
-commute, because each element is a power series of the same matrix.
+:math:`\Phi_k` multiplies the state k dead times ago, which has the *age* k. The *reach* of an element is the number of
+its coefficients. An element is stored as an array of shape (order, reach * order), with the transposed coefficients
+:math:`\Phi_k^T` side by side. States are rows, and are multiplied by elements from the right. All elements commute,
+because each is a function of the same matrix A(z).
 
 Notes
 -----
-Elements represent exponentials minus 1. The exponential for a slow state is so near 1 that the 1 would cost digits. The
-product of two elements is :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from the end of an element
-while they are at most `DROPPED` times its largest coefficient. Scaling and squaring follows Higham, *Functions of
-Matrices*, 2008, ch. 10, with a Taylor series for a norm of at most 1/2.
+Elements represent exponentials minus 1, because the exponential for a slow state is so near 1 that the 1 would cost
+digits. `product` therefore computes :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from the end of
+an element while they are at most `DROPPED` times its largest coefficient. Scaling and squaring follows Higham,
+*Functions of Matrices*, 2008, ch. 10, with a Taylor series for a norm of at most 1/2.
 
-All sums are added term by term in a fixed order, without library calls and with one accumulator, so that the results
+All sums are formed term by term in a fixed order, with one accumulator and without library calls, so that the results
 are the same on every processor.
 """
 
@@ -23,9 +23,9 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# A coefficient at the end of an element is dropped if it is at most DROPPED times the largest coefficient. DROPPED is
-# so small because one element holds both the coefficients of a kick (a short, very large signal) and those of the
-# plant. With 1e-20, a kick of 1e22 caused an error of 4e-9 in y.
+# Relative size of the coefficients that are dropped from the end of an element. It is so small because one element
+# holds the coefficients both of a kick (a short, very large signal) and of the plant. With 1e-20, a kick of 1e22 caused
+# an error of 4e-9 in y.
 DROPPED = 1e-26
 TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 times the first term
 
@@ -40,8 +40,8 @@ def _add_row_by_row(out, factors, rows, first, column):
 def add_rows(out, factors, rows, first, column):
     """Add factors @ rows[first:, column:] to the whole array `out`.
 
-    Each pass adds four rows in ascending order. The sums equal those of adding one row after the other, but need only a
-    quarter of the memory traffic.
+    Each pass adds four rows in ascending order. The sums equal those of adding one row after the other, but `out` is
+    read and written only a quarter as often.
     """
     size, fours = out.size, factors.size - factors.size % 4
     for i in range(0, fours, 4):
@@ -70,8 +70,8 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 def add_product(out, place, factors, column, count, rows, first):
     """Add factors[:, column : column + count] @ rows[first : first + count] to some columns of `out`.
 
-    `place` holds the index of the first of these columns, and their number. Sums are formed as in `add_rows`, for two
-    rows of factors at a time.
+    `place` holds the index of the first of these columns of `out`, and their number. The sums are the same as in
+    `add_rows`.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -103,7 +103,7 @@ def _column_sizes_of_array(block):
 def column_sizes(block):
     """Return the largest modulus in each column.
 
-    The loops run row by row, because a loop along a row compiles to vector instructions.
+    The inner loop runs along a row, so that it compiles to vector instructions.
     """
     result = np.zeros(block.shape[1])
     for i in range(block.shape[0]):
@@ -157,14 +157,16 @@ def shortened(element, share):
 
 @compiled
 def taylor(tau, most, A, B, Cv, D):
-    """Return the exponential minus 1 for a time `tau`, by its Taylor series. `tau` times the norm must be at most 1/2.
+    """Return the exponential minus 1 for a time `tau`, by its Taylor series.
+
+    `tau` times the norm of A(z) must be at most 1/2.
 
     Notes
     -----
-    `term` is (tau A(z))^n / n!, and `total` is the sum of the terms 1 to n. The next term is `term` times
-    A(z) = A + B z (1 - D z)^-1 Cv, times tau / (n + 1). Each term reaches one age further than the preceding term. If D
-    is not 0, each term reaches as many ages as `most` allows, because D feeds a part of the delayed signal `v` back
-    into the dead time.
+    After pass n, `term` is (tau A(z))^n / n!, and `total` is the sum of the terms 1 to n. Each pass multiplies `term`
+    by A(z) = A + B z (1 - D z)^-1 Cv and by tau / n. Each term reaches one age further than the preceding term. If D is
+    not 0, each term reaches as many ages as `most` allows, because D feeds a part of the delayed signal `v` back into
+    the dead time.
     """
     order, channels = B.shape
     term = np.eye(order)  # not transposed in this function, so that zeros of A can be skipped
@@ -207,12 +209,12 @@ def taylor(tau, most, A, B, Cv, D):
 
 @compiled
 def _width(first, second, most):
-    """Return a sufficient number of columns for a product. All further columns would be dropped from the product.
+    """Return a number of columns that is sufficient for a product, since all further columns would be dropped.
 
-    No number in a product of two coefficients exceeds the order times the largest number of the first coefficient times
-    the largest number of the second. A coefficient is dropped if this bound is at most `DROPPED` times the first
-    coefficient of the product. Only this first coefficient is computed here. It is at most as large as the largest
-    coefficient, so the bound is safe.
+    No number in the product of two coefficients exceeds order * a * b, where a and b are the largest numbers of the
+    two. The sum of such bounds is a bound for a coefficient of the result. It is compared with `DROPPED` times the
+    first coefficient of the result, the only one that is computed here. This coefficient is at most as large as the
+    largest coefficient, so nothing is lost that `shortened` would keep.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
@@ -251,15 +253,14 @@ def product(first, second, most):
 
 @compiled
 def ladder(A, B, Cv, D, norm, step, top, most):
-    """Return the exponentials minus 1 for the times step * 2^p, p = low, ..., top, and return `low`.
+    """Return the powers (the exponentials minus 1 for the times step * 2^p, p = low, ..., top), and `low`.
 
-    These exponentials are called powers. Their list is empty if they would overflow.
+    The list of powers is empty if they would overflow.
 
     Notes
     -----
-    The number `low` is at most 0, at most `top`, and so small that norm * step * 2^low is at most 1/2. The
-    Taylor series then converges fast. Each further power is the square of the preceding power. So `powers[i]` spans the
-    time step * 2^(low + i).
+    `low` is the largest integer with low <= 0, low <= top and norm * step * 2^low <= 1/2, so that the Taylor series
+    converges fast. Each further power is the square of the preceding power. So `powers[i]` spans step * 2^(low + i).
     """
     powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
@@ -279,10 +280,9 @@ def transition(powers, step, low, tau, most, A, B, Cv, D):
 
     Notes
     -----
-    The power with index p is used `times[p]` times. The uses are counted from the longest power down, and `tau` is
-    reduced by the time of each use. Invariant: the sum of times[p] * step * 2^(low + p), plus `tau`, is the given time.
-    The Taylor series spans the last `tau`, which is shorter than the time of the shortest power. A last `tau` of the
-    size of rounding counts as 0.
+    `powers[p]` is used `times[p]` times, and `tau` is reduced by the time of each use. Invariant: `tau` plus the sum of
+    times[p] * step * 2^(low + p) is the given time. The Taylor series spans the remaining `tau`, which is shorter than
+    the time of the shortest power. A remainder of the size of rounding counts as 0.
     """
     dust = 8.0 * 2.0**-52 * tau  # the rounding error of a multiple of the step
     times = np.zeros(len(powers), dtype=np.int64)

@@ -1,18 +1,18 @@
 r"""Simulation of loops with a digital controller that samples, holds and is limited.
 
 At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)` and sets the limited signal
-:math:`u_k`, which is held for the sample time h. So the input of the plant is a staircase. If the dead time
-:math:`L = mh + \lambda` is not a multiple of h, the steps of the delayed input lie inside the sample intervals:
+:math:`u_k`, which is held for the sample time h. If the dead time :math:`L = mh + \lambda` is not a multiple of h, the
+steps of the delayed input w lie inside the sample intervals:
 
 .. math:: w(t_k + s) = v_{k-m-1} \;\;(0 \le s < \lambda), \qquad v_{k-m} \;\;(\lambda \le s < h), \qquad v = u + d.
 
 Each sample interval has one or two pieces with a constant input. A matrix exponential for each piece advances the plant
-without any error. The controller is discretised for a held input as well. The only remaining difference from the
-continuous loop is that of a real digital controller, which delays signals by half a sample in reading and by half a
-sample in holding. As h decreases, the response approaches that of the continuous loop, with an error proportional to h.
+exactly. The controller is discretised for a held input as well. The only remaining difference from the continuous loop
+is the delay of a real digital controller: half a sample for reading and half a sample for holding. So the difference is
+proportional to h.
 
-An actuator that is switched within the sample (pulse width modulation) is also simulated exactly. Its pulses have a
-finite number of widths. The contribution of each width to the state of the plant is computed beforehand.
+Pulse width modulation is also simulated exactly. The contribution of each pulse width to the state of the plant is
+computed beforehand.
 """
 
 from __future__ import annotations
@@ -58,16 +58,16 @@ def simulate_sampled(
     r"""Simulate a loop whose controller is digital and limited, exactly for any dead time of the plant.
 
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
-    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead. To start
-    from rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every
-    prefilter are discretised for held inputs, with the step of `t` as sample time. All signals and limits are relative
-    to the state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
+    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump. To start from rest
+    instead, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every prefilter
+    are discretised for held inputs with this sample time. All signals and limits are relative to the state of rest. An
+    actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the
-    difference of filtered set point and measurement, as everywhere in this library. The paper does not say if Q_n also
-    filters the set point. To undo this filtering, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and a
-    fast lag that keeps it proper.
+    difference of filtered set point and measurement. The paper does not say if :math:`Q_n` also filters the set point.
+    To undo this filtering, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and a fast lag that keeps it
+    proper.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def simulate_sampled(
     setpoint, load, noise : float or array_like, shape (n,), optional
         As for `simulate`.
     limits : tuple of float, optional
-        Smallest and largest control signal. 0 must lie between them, or be one of them. The limits of a `SeriesPIDA`
+        Smallest and largest control signal. 0 must lie between them or be one of them. The limits of a `SeriesPIDA`
         also apply.
     plant : Process or AsymmetricPlant, optional
         Plant to simulate instead of the loop's process.
@@ -86,43 +86,41 @@ def simulate_sampled(
         Action of the integral of a continuous controller at a limit. By default, or with "none", it continues to
         integrate. With *clamping* it stops while it would drive the control signal further beyond the limit. With
         *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, where w is the control signal before the limits
-        and u the limited signal. With this error, w would equal u. Here k_p is the value of :math:`C(s) - k_i/s` at s =
-        0. ("reset" and "back-calculation" are options of ``controller.discretise``. A digital controller uses its own
+        and u the limited signal. With this error, w would equal u. Here :math:`k_p` is :math:`C(s) - k_i/s` at s = 0.
+        ("reset" and "back-calculation" are options of ``controller.discretise``. A digital controller uses its own
         anti-windup.)
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
         or an integral uses the limited signal before rounding, since it would stick otherwise.
     pulse_widths : int, optional
-        Number of widths of pulse width modulation. In each sample the actuator is first at the upper limit and then at
-        the lower limit. The width of the pulse is a multiple of a sample divided by `pulse_widths`. The multiple is
-        chosen such that the mean is nearest to the control signal. With 0, the default, the actuator holds its value.
-        Before t = 0 the plant rests as if its input were constant.
+        Number of widths of pulse width modulation. In each sample the actuator is at the upper limit during the pulse,
+        and then at the lower limit. The width of the pulse is the multiple of ``h / pulse_widths`` whose mean is
+        nearest to the control signal. With 0, the default, the actuator holds its value. Before t = 0 the plant rests
+        as if its input were constant.
 
     Returns
     -------
     Response
         Signals at the times t. At a jump, the value just after the jump is returned. `u` is the limited and rounded
-        control signal, which is held from each sample to the next. With pulses, `u` is the mean of each pulse over its
-        sample.
+        control signal, which is held for a sample. With pulses, `u` is the mean of each pulse over its sample.
 
     Raises
     ------
     TypeError, ValueError
         If times are not uniform from 0; if signals have another length or contain NaN; if limits are out of order or do
-        not contain 0; if the plant has direct feedthrough without dead time; or if an unstable loop overflows. If a
-        filter in or after a continuous controller is faster than the sample time (use
-        ``controller.discretise(sample_time)``), or if a digital controller has another sample time. If anti-windup is
-        requested for a controller without integral action or with a reset. If conditioning is requested with kp/ki
-        below the sample time, where it is unstable. If quanta are negative. If pulses are requested without finite
-        limits, with a quantum of the control signal, or for a plant that is not linear or has direct feedthrough.
+        not contain 0; if quanta are negative; if the plant has direct feedthrough without dead time; if an unstable
+        loop overflows; if a filter in or after a continuous controller is faster than the sample time; if a digital
+        controller has another sample time; if anti-windup is requested for a controller without integral action or with
+        a reset; if conditioning is requested with kp/ki below the sample time, where it is unstable; if pulses are
+        requested without finite limits, with a quantum of the control signal, or for a plant that is not linear or has
+        direct feedthrough.
 
     Notes
     -----
-    A controller that is discretised for held inputs cannot use a filter that is faster than the sample time. The
-    derivative would act only on steps, and its response to a step would have decayed at the next sample. Use a sample
-    time well below the time constant of the filter. Or use backward differences, as most PLCs do:
-    ``controller.discretise(sample_time)``.
+    A controller that is discretised for held inputs cannot use a filter whose time constant is below the sample time.
+    The response of the derivative to a step would have decayed at the next sample. Use a sample time well below the
+    time constant, or backward differences, as most PLCs do: ``controller.discretise(sample_time)``.
 
     Examples
     --------
@@ -257,7 +255,7 @@ def _tracking(ki: float, kp: float, h: float) -> float:
 
 
 def require_fine_enough(h: float, filter_time: float) -> None:
-    """Raise if the sample time exceeds the filter's time constant, since derivatives would act only on steps."""
+    """Raise if the sample time exceeds the filter's time constant."""
     if h > filter_time * (1 + 1e-6):
         raise ValueError(
             f"the sample time must be at most the filter's time constant, {filter_time:.6g}, found {h:.6g}; sample "
@@ -289,9 +287,9 @@ def _with_reset(
 
 
 TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # first and largest number of samples of a response to noise
-# The response is long enough if the sum of squares of its second half is at most FADED times the whole sum. If it then
-# decays by the factor e in N samples, the neglected later samples add at most FADED * N / TAIL_SAMPLES of this sum. The
-# relative error of the gain is at most half of this number: 1e-10 for N = 1e6, 1e-7 for N = 1e9.
+# A response to noise is long enough if the sum of squares of its second half is at most FADED times the whole sum. If
+# the response then decays by the factor e in N samples, the relative error of the gain is at most FADED * N / (2 *
+# TAIL_SAMPLES): 1e-10 for N = 1e6, 1e-7 for N = 1e9.
 FADED = 1e-12
 # The response covers at least this number of dead times, since noise comes back to the controller after one dead time.
 ECHOES = 4
@@ -307,9 +305,9 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     amplitude : float
         Largest absolute value, not negative.
     seed : int
-        Seed of the generator. The same seed gives the same record.
+        Seed of the generator.
     hold : float, optional
-        Time for which a value is held, as a multiple of the step of t. By default one step.
+        Time for which a value is held: a multiple of the step of t, by default one step.
 
     Returns
     -------
@@ -344,9 +342,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     r"""Return the ratio of the standard deviations of control signal and white measurement noise, in the sampled loop.
 
     The noise n is held for a sample, the controller is digital as in `simulate_sampled`, and set point and load are 0.
-    Limits, a rate limit and a deadband are ignored, so the ratio is that of the linear loop. By Parseval's theorem the
-    ratio is the H2 norm from n to u. It is computed as the root of the sum of squares of the control signal after a
-    single sample of noise of height 1. No random numbers are used.
+    Limits, a rate limit and a deadband are ignored. By Parseval's theorem the ratio is the H2 norm from n to u. It is
+    the root of the sum of squares of the control signal after a single sample of noise of height 1.
 
     Parameters
     ----------
@@ -363,8 +360,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As for `simulate_sampled`. Also if the loop is unstable, or if four dead times, or the response to a pulse of
-        noise, are longer than a million samples.
+        As for `simulate_sampled`. Also if the loop is unstable, or if four dead times or the response to a pulse of
+        noise are longer than a million samples.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """Simulate many sampled loops in parallel, and compute their measures during the simulation.
 
 The loops have the same plant, limits and inputs but different controllers. Each variable is a row of `LANES` numbers,
-one for each loop (a lane). Every operation acts on whole rows, which compiles to vector instructions. A lane performs
-the same operations in the same order for any values in the other lanes, so its result does not depend on them.
+one for each loop (a lane). Every operation acts on whole rows, which compiles to vector instructions. The result in a
+lane does not depend on the other lanes.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from pidalab.simulation.sampled_step import Steps, stepper
 
 LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
-# A change of sign of the control error e within a sample is ignored if |e| is below this number times its largest
-# value. The integrals then subtract the area of the other sign instead of adding it. In that area |e| is at most the
-# larger of the two end values. IAE is too small by at most 2e-13 times the largest error times the duration. For ITAE
-# this bound is multiplied by the time.
+# A change of sign of the control error e within a sample is ignored if |e| at both ends is at most NEGLIGIBLE times its
+# largest value. The area of the other sign is then subtracted from IAE and ITAE instead of added. IAE is too small by
+# at most 2e-13 times the largest error times the duration. For ITAE this bound is multiplied by the time.
 NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")
@@ -51,8 +50,8 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
     -----
     At the beginning of sample k, `x` holds the states of all plants at t_k, and `f` the states of the prefilters.
     `past` is a ring buffer with the plant inputs of one dead time, and `slot` is the place of the present input. The
-    measures of an interval are computed at its end. They need the values at both ends and the exact integral of y
-    between them, which is the last state of the plant.
+    measures of an interval are computed at its end, from the values at both ends and the exact integral of y between
+    them.
     """
     states = plant.c.size
     # With a set point of 0 at all times, the prefilter stays at rest.
@@ -86,7 +85,6 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
         _follow(m[TV_Y], m[Y_MIN], m[Y_MAX], y, y_old)
         area_old[:] = area
 
-        # Filter the set point, and advance the prefilter by a sample.
         _scale(bank.prefilter_d, reference[k], setpoint)
         if degree:
             _add_products(bank.prefilter_c, f, setpoint)
@@ -100,7 +98,6 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
         u = past[slot]
         u[:] = control
         _follow(m[TV_U], m[U_MIN], m[U_MAX], u, u_old)
-        # Add the load, then advance the plant by one sample interval, piece by piece.
         u += load[k]
         for piece in range(plant.lag_samples.size):
             place = slot - plant.lag_samples[piece]
@@ -183,7 +180,6 @@ def _integrate(
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         m[ITAE, i] += abs(start * plain[i] + h * (SIXTH * (first + 2.0 * last) - 0.5 * SIXTH * curve[i]))
-    # For a parabola e, the integral of e^2 has this closed form.
     for i in range(LANES):
         first, last = r - y_old[i], r - y[i]
         bent = curve[i] * (0.2 * curve[i] - first - last)

@@ -59,7 +59,6 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
         main, direct = (realise(*rational(name, getattr(plant, name))) for name in ("main", "direct"))
         systems = [_with_store(main, direct, time) for time in (plant.fall, plant.rise)]
         c, d = np.concatenate([[main.d], main.c, direct.c]), direct.d
-    # Append a state that integrates the output c x + d w.
     with_integral = [
         np.block([[A, np.zeros((b.size, 1))], [c[None, :], np.zeros((1, 1))]]) for A, b in systems
     ]
@@ -102,12 +101,12 @@ def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator:
     if not widths:
         return added
     # `on` is the time within the piece for which each pulse is on. `over_piece` is the effect of an input of 1 over the
-    # whole piece. `phi` and `gamma` advance the state by one part of a sample.
+    # whole piece. `phi` and `gamma` advance the state by h / widths.
     on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
     over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    # The effect of a pulse is the effect of an input of 1 over the whole piece, minus its effect over the time after
-    # the pulse. From each width to the next shorter width, this time grows by one part of a sample.
+    # The effect of a pulse is `over_piece` minus the effect of an input of 1 over the time after the pulse. From each
+    # width to the next shorter width, this time grows by h / widths.
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
@@ -236,13 +235,12 @@ def run(
     -----
     At the beginning of sample k, `x` is the state of the plant at t_k and `z` is the state of the block. The input that
     is set at t_k is entry `before + k` of `v` and `width`. The first `before` entries belong to times before t = 0. The
-    input that acts in a piece is found `lag_samples` entries earlier, so a dead time needs no other memory. In each
-    sample the measurement is read, then the controller acts, then exact transitions advance the plant piece by piece.
+    input that acts in a piece is found `lag_samples` entries earlier.
     """
     n, before = reference.size, plant.lag_samples[0]
     y_offset, bias = rest
     y, u, area = np.empty(n), np.empty(n), np.empty(n)
-    v = np.zeros(n + before)  # input of the plant without its pulses, including the rest before t = 0
+    v = np.zeros(n + before)  # input of the plant without its pulses
     width = np.zeros(n + before, np.intp)
     x, x_new = np.zeros(plant.c.size), np.zeros(plant.c.size)
     z, z_new = np.zeros(block.b.size), np.zeros(block.b.size)

@@ -33,9 +33,9 @@ def advanced(stack, order, power, keep):
 
 @compiled
 def _reads(rows, outputs, order, wide):
-    """Return size[age, q], the largest coefficient of a state of this age in output q.
+    """Return size[age, q], the largest modulus of the coefficients with which output q reads the state of an age.
 
-    The last row holds the maxima.
+    The last row holds the maxima of all ages.
     """
     ages = rows.shape[0] // order
     size = np.zeros((ages + 1, outputs))
@@ -53,13 +53,12 @@ def _reads(rows, outputs, order, wide):
 def _read_ages(size):
     """Return the number of ages that the outputs need.
 
-    Coefficients of at most `DROPPED` times the largest coefficient are ignored.
+    Coefficients of at most `DROPPED` times the largest coefficient of the same output are ignored.
     """
     ages = size.shape[0] - 1
     largest = size[ages]
     while ages > 1:
-        # Compare with the largest coefficient of the same output, since coefficients of u may be much larger than those
-        # of y.
+        # Each output has its own limit, since coefficients of u may be much larger than those of y.
         for q in range(largest.size):
             if size[ages - 1, q] > DROPPED * largest[q]:
                 return ages
@@ -69,9 +68,10 @@ def _read_ages(size):
 
 @compiled
 def _longest(size, ages, power, order, most):
-    """Bound the number of ages that the outputs read once `rows` is multiplied by a power, without the product.
+    """Bound the number of ages that the outputs read after `rows` is multiplied by a power.
 
-    No element of a product exceeds order * a * b, where a and b are the largest elements of the two factors.
+    The product is not computed. No element of it exceeds order * a * b, where a and b are the largest elements of the
+    two factors.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -95,9 +95,9 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
     Notes
     -----
-    The columns for the first of the times are the coefficients of the outputs. Before each pass `have` columns are
-    complete. The pass multiplies these columns by the next power, which gives the columns for as many later times. The
-    pass then drops the ages that no output reads.
+    The columns for the first time are the coefficients of the outputs. Before each pass, `have` columns are complete.
+    The pass multiplies these columns by the next power, which gives the columns for as many later times. The pass then
+    drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -222,10 +222,10 @@ def summed(terms, start, end, share):
 
 @compiled
 def ages_needed(read, powers, order, base, most):
-    """Return how many ages a stack needs if outputs are read from it up to 0, 1, ..., `most` runs later.
+    """Return the number of ages that a stack needs for the outputs up to 0, 1, ..., `most` runs later.
 
-    The binary digits of a number of runs select the powers that advance the stack by as many runs. The sum of their
-    reaches bounds the age that the outputs can read. Older ages may be dropped.
+    The binary digits of the number of runs select the powers that advance the stack. Each power adds its reach minus 1
+    to the ages that the outputs read. Older ages may be dropped.
     """
     needed = np.full(most + 1, read)
     for runs in range(1, most + 1):

@@ -1,4 +1,4 @@
-"""Compare the written code with the reference for random records: compiled C, interpreted text, executed Python."""
+"""Compare written C, structured text and Python with the reference, for random records."""
 
 import dataclasses
 import json
@@ -40,7 +40,7 @@ GCC = [*STRICT, "-Wdouble-promotion"]
 
 
 def run_c(folder, precision, options=()):
-    """Compile all cases into one program, feed it their records, and return its control signals by case."""
+    """Compile all cases into one program, run it on their records, and return the control signals by case."""
     starts, calls, names = "", "", list(CASES)
     for i, name in enumerate(names):
         starts += f"{name}_state s{i}; {name}_init(&s{i});\n    "
@@ -69,7 +69,7 @@ def run_c(folder, precision, options=()):
 
 @pytest.mark.parametrize("options", [(), ("-std=gnu99", "-O3", "-march=native")])
 def test_c_in_double_precision_equals_the_reference(tmp_path, options):
-    """With the compiler options of the head, no bit depends on fused multiply-add instructions of the processor."""
+    """The compiler options in the head exclude fused multiply-add instructions, so no bit depends on the processor."""
     assert "-ffp-contract=off" in CASES["zoh"].c()
     found = run_c(tmp_path, "double", options)
     for name, u in EXPECTED.items():
@@ -83,7 +83,7 @@ def test_c_in_single_precision(tmp_path):
 
 
 def test_c_tests_itself(tmp_path):
-    """The self-test passes in both precisions, and fails if a gain is wrong by 0.1 %."""
+    """The self-test passes in both precisions, and fails with an error of 0.1 % in a gain."""
     code = CASES["tustin"].c("level")
     spoilt = re.sub(r"(PART_1_GAIN_0 = \(level_real\))1\.3;", r"\g<1>1.3013;", code)
     assert spoilt != code
@@ -173,7 +173,6 @@ def test_head():
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_notes_keep_their_punctuation(language):
-    """The filter for text from outside keeps the punctuation of ordinary sentences."""
     note = "Doubt: 2 gaps; the longest, 4 ± 1, begins at 30 (kp/ki = 0.5). It's 20 % of 3 min [kW]"
     for k in CASES.values():
         code = getattr(k, language)(note=note)
@@ -203,7 +202,7 @@ def test_retuning_is_bumpless(method):
     found = [old.step(1.0, 0.3) for _ in range(3)]
     assert found == [code.step(1.0, 0.3, retuned=k == 0) for k in range(3)]
     assert found[0] == before
-    # at rest again, the integral grows as that of the new gains
+    # At rest again, the integral grows with the new gains.
     settled = [old.step(1.0, 0.3) for _ in range(200)][-2:]
     assert np.diff(settled) == pytest.approx(2.0 * 0.1 * 0.7)
 

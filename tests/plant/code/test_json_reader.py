@@ -1,4 +1,4 @@
-"""Write and read controllers as JSON: the controller is unchanged. Other or edited files are refused."""
+"""Write and read controllers as JSON. The controller is unchanged, and edited or other files are refused."""
 
 import copy
 import json
@@ -47,7 +47,7 @@ def test_other_files_are_refused(text):
 
 
 def places(value, at=()):
-    """Yield the places of the values of a JSON, with the first three of each list."""
+    """Yield the places of all values of a JSON, in lists of the first three."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from places(inner, (*at, name))
@@ -116,7 +116,7 @@ def test_name_of_a_path_is_not_in_the_code():
 
 
 def test_length_of_the_program_is_limited():
-    """A small file could otherwise make a program of fifty thousand lines."""
+    """Otherwise a small file could make a program of fifty thousand lines."""
     stored = json.loads(PI.json())
     path = {"weight": 1.0, "new": [0.5] * 40, "old": [0.0] * 40, "gains": [1.0] * 41}
     for count, said in ((40, "at most 160 lags together, found 1600"), (4, "changed by hand")):

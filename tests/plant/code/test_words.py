@@ -1,4 +1,4 @@
-"""Check that no name in written code is reserved, and that an independent parser reads the code."""
+"""Check that written code has no reserved names, and that an independent parser reads it."""
 
 import re
 
@@ -8,7 +8,7 @@ from cases import CASES
 
 from pidalab.plant.code.files import FAMILIES, RESERVED, identifier
 
-# keywords, types and the one function that the written structured text uses
+# Keywords, types and the only function in the written structured text.
 WORDS = """
 function_block end_function_block var_input var_output var constant end_var if then else end_if for to do end_for not
 and or true false bool lreal int array of abs
@@ -18,7 +18,7 @@ NUMBER = re.compile(r"\d+\.\d+(?:e-?\d+)?")
 
 
 def names_in(text):
-    """Return the names in structured text in lower case, since its compilers ignore case."""
+    """Return the names in structured text in lower case, since compilers ignore case."""
     plain = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S).lower()
     return set(re.findall(r"[a-z_]\w*", NUMBER.sub("", plain))) - LANGUAGE
 
@@ -27,7 +27,7 @@ def names_in(text):
 def test_no_name_is_reserved(name):
     found = names_in(CASES[name].structured_text("level"))
     assert {"level", "level_selftest", "setpoint", "control", "reset"} <= found
-    assert found & RESERVED <= {"reset"}  # an input of blocks of the standard, which is no word
+    assert found & RESERVED <= {"reset"}  # an input of standard blocks, not a keyword
     assert not [one for one in found if FAMILIES.fullmatch(one)]
     assert not [one for one in found if "__" in one or one.endswith("_")]
 
@@ -57,7 +57,7 @@ def test_accepted_names():
 
 @pytest.mark.parametrize("name", ["fed_clamping", "prefilter_tustin"])
 def test_blark_parses_structured_text(name):
-    """With two values of each array of the self-test, since blark is slow."""
+    """The arrays of the self-test have two values, since blark is slow."""
     array = r"\[0\.\.\d+\] OF (\w+) := \[\s*(\S+, \S+?),[^\]]*\]"
     text = re.sub(array, r"[0..1] OF \1 := [\2]", CASES[name].structured_text("level"))
     assert text.count("[0..1] OF") > 6

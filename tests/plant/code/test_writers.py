@@ -1,4 +1,4 @@
-"""Put any text into written files: C compiles, Python runs, other languages parse, and no text becomes code."""
+"""Put any text into written files: they compile, run or parse, and no text becomes code."""
 
 import ast
 import html.parser
@@ -21,7 +21,7 @@ from pidalab.digital import from_json
 from pidalab.plant.code.files import LANGUAGES
 
 K = PIDA(2.0, 4.0).discretise(0.5, limits=(0.0, 100.0), bias=40.0)
-# ends of comments, strings and lines of any language, alone and nested, so that removing one leaves another
+# Ends of comments, strings and lines of any language. Some are nested, so that removing one leaves another.
 ENDS = ["*/", "*)", '"""', '*"""/', '"*/""', "**//", "(*", "/*", "\\", "??/", "//"]
 ENDS += ["'''", "\\u002a/", "#include"]
 ENDS += ["\n", "\r", "\u2028", "\x85", "\x1b", "\x00", "\ud800", "\u202e", "int x = 1;", "x = 1"]

@@ -1,4 +1,4 @@
-"""Fit models to records: the true parameters lie within the uncertainty, and insufficient records are refused."""
+"""Fit models to records: the uncertainty covers the true parameters, and insufficient records are refused."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ TRUE_STEP = pidalab.open_loop_step(TRUE, GRID).y
 def historian(seed, noise=0.25, count=600):
     """Return a record of a valve that steps from 40 to 47 % at t = 37.
 
-    The times are irregular with a gap. The output is quantised and noisy, and has missing values.
+    It has irregular times with a gap, and a quantised noisy output with missing values.
     """
     rng = np.random.default_rng(seed)
     t = np.sort(rng.uniform(0.0, 260.0, count))
@@ -62,7 +62,7 @@ def test_historian_record():
 
 
 def test_truth_lies_within_two_deviations():
-    """Records are made with a model of the fitted kind. 95 % of the parameters lie within two standard deviations."""
+    """If the plant has the fitted structure, 95 % of the parameters lie within two standard deviations."""
     process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0)
     clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
     inside = 0
@@ -82,7 +82,7 @@ def test_spread_has_the_stated_deviation():
 
 
 def test_spread_has_a_hidden_lag():
-    """With noise, two lags look like one lag with a longer dead time. But the true plant has a larger Ms with a PID."""
+    """With noise, two lags look like one lag with a longer dead time, but give a larger Ms with a PID."""
     process, t = pidalab.Process([1.0], np.polymul([10.0, 1.0], [2.0, 1.0]), 3.0), np.arange(0.0, 100.0)
     clean = np.concatenate([np.zeros(20), pidalab.open_loop_step(process, t[:-20]).y])
     y = clean + np.random.default_rng(3).normal(0.0, 0.05, t.size)
@@ -110,7 +110,7 @@ def test_plants_have_other_gains():
 
 
 def test_spread_has_the_hidden_part_of_the_dead_time():
-    """The step lies half-way between two samples. Without noise, only its time within the sample is uncertain."""
+    """The step is half-way between two samples. Without noise, only its time within the sample is uncertain."""
     process, t = pidalab.fopdt(2.0, 12.0, 5.0), np.arange(0.0, 120.0, 2.0)
     y = np.interp(t - 19.0, GRID, pidalab.open_loop_step(process, GRID).y, left=0.0)
     fitted = fit(Record(t, np.where(t < 19.0, 0.0, 1.0), y), "fopdt")
@@ -141,7 +141,7 @@ def test_refusals():
 
 @pytest.mark.parametrize("ratio", [2.9, 3.1])
 def test_answer_must_exceed_three_times_the_residuals(ratio):
-    """The residual changes its sign at each sample, so no model can follow it."""
+    """The residual alternates, so no model can follow it."""
     t = np.arange(200.0)
     y = np.where(t < 50, 0.0, -np.expm1(-(t - 50) / 10)) + (-1) ** t / ratio
     record = Record(t, np.where(t < 50, 0.0, 1.0), y)
@@ -153,7 +153,7 @@ def test_answer_must_exceed_three_times_the_residuals(ratio):
 
 
 def test_spread_of_equal_lags_has_unequal_ones():
-    """Near the crossover, the gain of the true plant with unequal lags is above that of the fitted equal lags."""
+    """Near the crossover, the true unequal lags have a higher gain than the fitted equal lags."""
     true = pidalab.Process([2.3], np.poly([-1 / 5, -1 / 14, -1 / 33]) * 5 * 14 * 33, 17.7)
     t = np.linspace(0.0, 390.0, 600)
     u = np.where(t < 60.0, 40.0, 47.0)
@@ -212,7 +212,7 @@ def test_many_input_changes_are_moved_to_a_grid(changes, grid):
 
 
 def test_prepared_records():
-    """Changes of the input are followed one by one. A long record is averaged."""
+    """Each change of the input is followed. A long record is averaged."""
     t = np.sort(np.random.default_rng(0).uniform(0.0, 100.0, 200))
     data = prepared(Record(t, np.select([t < 20, t < 50], [1.0, 4.0], 2.5), np.minimum(t, 80.0)))
     first, second = int(np.argmax(t >= 20)), int(np.argmax(t >= 50))
@@ -227,7 +227,7 @@ def test_prepared_records():
 
 
 def test_search_is_as_good_as_all_starts():
-    """The search starts from the best point in each third of a grid. The problem has several minima."""
+    """The problem has several minima. The search starts from the best point in each third of a grid."""
     t = np.arange(0.0, 150.0, 0.5)
     clean = pidalab.open_loop_step(pidalab.lags(6, 3.0, delay=20.0), t[:-40]).y
     y = np.append(np.zeros(40), clean) + np.random.default_rng(0).normal(0.0, 0.01, t.size)
@@ -305,7 +305,7 @@ def test_holdout():
 
 
 def test_spread_is_about_as_likely_as_the_model():
-    """Errors of time constant, damping and dead time are correlated here, so the parameters are drawn jointly."""
+    """Errors of time constant, damping and dead time are correlated, so the parameters are drawn jointly."""
     process = pidalab.Process([2.0], np.polymul([40.0, 1.0], [3.0, 1.0]))
     y = np.append(np.zeros(40), pidalab.open_loop_step(process, T[:160]).y) + NOISE
     found = fit(Record(T, U, y), "sopdt")
@@ -327,11 +327,11 @@ def test_plot_has_a_band_of_twice_the_noise():
 
 
 def test_explained_share_is_of_the_variance():
-    """Noise of known size is added. A fit must explain half of the variance, for any kind of experiment."""
+    """A fit must explain half of the variance, for any kind of experiment."""
     t = np.arange(2000.0)
     u = np.where((t // 100) % 2 == 0, 0.0, 1.0)
     decay = np.exp(-1 / 10.0)
-    # a lag of ten samples behind a dead time
+    # A lag of ten samples follows a dead time.
     clean = np.interp(t - 3.0, t, lfilter([1 - decay], [1, -decay], u))
     noise = np.random.default_rng(0).normal(0.0, 1.0, t.size)
     noise /= noise.std()

@@ -1,4 +1,4 @@
-"""Clean records, find steps, rest and noise, and check doubts and refusals."""
+"""Clean records, and check steps, rest, noise, doubts and refusals."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_step_of_several_is_refused():
 
 
 def test_creeping_input_is_not_a_step():
-    """The output of a PI controller jumps and then creeps, so it has no level, which rules for a step need."""
+    """The output of a PI controller jumps and then creeps. Rules for a step need a constant level."""
     t = np.arange(0.0, 600.0)
     u = np.where(t < 50, 40.0, 42.5 - np.exp(-(t - 50) / 40))
     record = Record(t, u, np.interp(t, [0, 55, 120, 600], [0.0, 0.0, 5.0, 5.0]))
@@ -57,7 +57,7 @@ def test_creeping_input_is_not_a_step():
 
 
 def bench(count=40, first=20, before=1.0, after=3.0, rest=None):
-    """Return a record with a sample each second. The input steps at `first`, and the output rises a sample later."""
+    """Return a record with a sample each second, an input step at `first`, and an output that rises a sample later."""
     t = np.arange(float(count))
     y = 5.0 + (np.minimum(np.maximum(t - first, 0.0), 8.0) if rest is None else rest)
     return t, np.where(t < first, before, after), y
@@ -123,7 +123,7 @@ def test_time_of_a_step():
 
 @pytest.mark.parametrize("samples", [7, 8])
 def test_noise_in_closed_form(samples):
-    """The output alternates. 8 samples at rest suffice for the noise. With 7, second differences of all are used."""
+    """The output alternates. 8 samples at rest suffice for the noise. With 7, all second differences are used."""
     rest = np.resize([0.5, -0.5], 40)
     record = Record(*bench(first=samples, rest=rest))
     if samples == 8:
@@ -150,7 +150,7 @@ def test_drift_is_doubted(wobble, slope, said):
 
 
 def test_doubts_of_levels_and_gaps():
-    """Samples are 0.5 apart. Distances of 6 and 8 samples are gaps, a distance of 5 samples is not."""
+    """Distances of 6 and 8 samples are gaps, a distance of 5 samples is not."""
     t = 0.5 * np.delete(np.arange(101.0), [*range(41, 46), *range(61, 68), *range(81, 85)])
     u = np.select([t < 10, t < 35], [1.0, 3.0], 2.0)
     y = np.where(t < 12.5, 0.0, 4.0)
@@ -162,7 +162,7 @@ def test_doubts_of_levels_and_gaps():
 
 @pytest.mark.parametrize(("slow", "said"), [(5, False), (6, True)])
 def test_slow_input_is_doubted(slow, said):
-    """Samples between a tenth and nine tenths of the step are counted, up to half-way to the next step."""
+    """Samples between 10 and 90 % of the step are counted, up to half-way to the next step."""
     t = np.arange(200.0)
     u = np.where(t < 50, 2.0, 4.0)
     u[50 : 50 + slow] = np.linspace(2.21, 3.79, slow)
@@ -180,10 +180,10 @@ RISING = np.select([AGES < 20, AGES < 190], [0.0, 10.0], 10.45)
     [
         (np.minimum(np.maximum(AGES - 20.0, 0.0), 19), "only 20 levels, 1 apart", True),
         (np.minimum(np.maximum(AGES - 20.0, 0.0), 20), "only 21 levels, 1 apart", False),
-        # of the last tenth the means of both halves differ by more than two hundredths of the change of 10
+        # In the last tenth the means of both halves differ by more than two hundredths of the change of 10.
         (np.select([AGES < 20, AGES < 190], [0.0, 9.81], 10.0), "still moves at the end", False),
         (np.select([AGES < 20, AGES < 190], [0.0, 9.79], 10.0), "still moves at the end", True),
-        # means of ten samples have a tenth of the variance of noise, and three deviations count as noise
+        # Means of ten samples have a tenth of the variance of the noise. Three standard deviations count as noise.
         (RISING + 0.6 * HALVES, "still moves at the end", True),
         (RISING + 1.2 * HALVES, "still moves at the end", False),
     ],
@@ -201,7 +201,7 @@ def test_uniform_in_closed_form():
     assert grid == pytest.approx(np.arange(0.0, 60.0, 2.0))
     assert held.tolist() == [1.0] * 10 + [3.0] * 20
     assert y == pytest.approx(10.0 * (7.0 + grid))
-    # a step off the grid of the first sample: what lies before a whole interval is left out
+    # If the step is off the grid of the first sample, samples before a whole interval are left out.
     grid, held, y = Record(np.append(0.3, np.arange(1.0, 40.0)), bench()[1], bench()[2]).uniform()
     assert (grid[0], grid[-1], held[18], held[19]) == (0.0, 38.0, 1.0, 3.0)
 
@@ -296,7 +296,7 @@ def first_order(noise, decimals=None, count=200):
 
 
 K = np.arange(200)
-SPOILT = {  # a sensor at the end of its range, one that is lost for a while, and a logger that ends with zeros
+SPOILT = {  # a sensor at the end of its range, a lost sensor, and a logger that ends with zeros
     "clipped": lambda y: np.minimum(y, 30.0),
     "frozen": lambda y: y[np.where((K >= 40) & (K < 100), 40, K)],
     "frozen at the end": lambda y: y[np.minimum(K, 50)],
@@ -327,7 +327,7 @@ def test_sensor_errors_are_named(noise, decimals):
 
 @pytest.mark.parametrize("levels", [1, 0])
 def test_output_at_rest_is_not_a_lost_sensor(levels):
-    """The output is constant before the step, after settling, and before and after a pulse. No sample is dropped."""
+    """The output is constant before a step, after settling, and around a pulse. No sample is dropped."""
     t = np.arange(300.0)
     y = np.round(20 + 15 * -np.expm1(-np.maximum(t - 30, 0) / 12), levels)
     assert Record(t, np.where(t < 20, 0.0, 1.0), y).outlier_note == ""
@@ -337,7 +337,7 @@ def test_output_at_rest_is_not_a_lost_sensor(levels):
 
 @pytest.mark.parametrize("steps", [25, 50, 100, 200])
 def test_rounded_peak_is_not_a_lost_sensor(steps):
-    """Near its extrema a slow oscillation is constant because of rounding. It has become slower before."""
+    """Near its extrema a slow oscillation is constant because of rounding."""
     t = np.arange(300.0)
     late = np.maximum(t - 25, 0)
     y = 1 - np.exp(-late / 100) * (np.cos(late / 25) + 0.25 * np.sin(late / 25))

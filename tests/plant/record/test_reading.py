@@ -1,4 +1,4 @@
-"""Read files in the formats of historians. An error names the row."""
+"""Read files in the formats of historians."""
 
 import contextlib
 import time
@@ -87,7 +87,7 @@ def test_day_and_month_are_identified_by_midnight(order, tmp_path):
 
 
 def test_daylight_saving_leaves_no_gap(tmp_path, monkeypatch):
-    """A record spans the night of the clock change in Berlin. Its times are converted to a scale without change."""
+    """A record spans the night of the clock change in Berlin."""
     monkeypatch.setenv("TZ", "Europe/Berlin")
     time.tzset()
     text = "t,u,y\n" + "\n".join(
@@ -160,7 +160,7 @@ def test_outliers_are_named_by_row(tmp_path):
 
 
 def step_lines(count=5000):
-    """Return the given number of rows of a first-order step response."""
+    """Return `count` rows of a first-order step response."""
     y = 20 + 7 * -np.expm1(-np.maximum(np.arange(count) - count // 10, 0) * 20 / count)
     return [f"{k},{40 if k < count // 10 else 47},{value:.4f}" for k, value in enumerate(y)]
 
@@ -170,7 +170,7 @@ def step_lines(count=5000):
     "line", ["," * 5000, '"' + "," * 5000, ",x" * 5000], ids=["commas", "quote", "words"]
 )
 def test_long_line_needs_little_memory(tmp_path, where, line):
-    """Memory grows only with the size of the file. A table of 5,000 rows and 5,000 columns would fill gigabytes."""
+    """Memory grows only with the file size. A table of 5,000 rows and 5,000 columns would fill gigabytes."""
     lines = ["t,u,y", *step_lines()]
     lines.insert(where, line)
     path = tmp_path / "log.csv"
@@ -196,7 +196,7 @@ def test_too_long_line_is_refused(tmp_path):
         Record.read_csv(path)
 
 
-# of about 100,000 characters each, on which a quadratic search takes minutes
+# Each has about 100,000 characters, on which a quadratic search takes minutes.
 LONG_ENTRIES = {
     "blanks in a row": "60,47,1" + " " * 99_000 + "x",
     "blanks in a time": "6" + " " * 99_000 + "a,47,1020",
@@ -225,7 +225,7 @@ def test_too_many_columns_are_refused(tmp_path):
 
 
 def test_ambiguous_decimals_are_refused(tmp_path):
-    """With decimal commas, points separate thousands. If the point of 57.5 were removed, the number would be 575."""
+    """With decimal commas, points separate thousands. Without its point, 57.5 would become 575."""
     rows = [f"{t:.1f};{u:.1f};{y:.1f}".replace(".", ",") for t, u, y in map(steps, range(300))]
     assert Record.read_csv(write(tmp_path, "\n".join(rows))).y[-1] == 1307.0
     grouped = [row.replace("1307,0", "1.307,0") for row in rows]
@@ -269,7 +269,7 @@ def test_unit_in_the_name_of_the_times(tmp_path, name, unit):
 
 @pytest.mark.parametrize("columns", [{}, {"time": 1, "u": 2, "y": 0}], ids=["in order", "others"])
 def test_several_traces_are_refused(tmp_path, columns):
-    """A PLC writes a separate table with a head for each signal."""
+    """A PLC writes a table with a head for each signal."""
     head = ["Variable; {}", "Address; 0", "Class; 14", "GraphColor; 4282811060", "Data; "]
     rows = [f"; {20 * k}; {value}" for k, value in enumerate([25.0] * 30 + [50.0] * 30)]
     text = "\n".join(
