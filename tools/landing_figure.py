@@ -1,8 +1,8 @@
 """Make the figure of the first page, which shows the benefit of acceleration and its cost in noise.
 
-It compares PI, PID and PIDA controllers for one plant, all with the same maximum sensitivity and with the least IAE
-after a load step. The reader sets the limit of the relative noise gain with a slider, or sees an image without
-JavaScript. The medians of the study of 134 plants, which has the same conditions, are also shown.
+It compares the PI, PID and PIDA that have the least IAE after a load step, all for one plant and with the same maximum
+sensitivity. The reader sets the limit of the relative noise gain with a slider. Without JavaScript an image is shown.
+The medians of the study of 134 plants are for the same conditions.
 """
 
 import json
@@ -94,15 +94,15 @@ def caption(state: dict, many: dict[str, list[float]]) -> str:
 
     def pays(share: float) -> str:
         least = 100 * tables.WORTH
-        return "so it pays" if share >= least else f"below our {least:.0f} % threshold"
+        return "so acceleration pays" if share >= least else f"below the {least:.0f} % at which it pays"
 
     quiet, loud = (limit for limit, _ in many.values())
     return (
         f"The figure compares the best PI, PID and PIDA controllers for $e^{{-s}}/(s+1)^3$ after a step of the load. "
         f"All have the same robustness, $M_s = {MS}$, and none exceeds the noise limit. At a relative noise gain of "
-        f"{quiet:g} acceleration saves {saved(quiet):.0f} % of the IAE here ({pays(saved(quiet))}), and "
+        f"{quiet:g} acceleration saves {saved(quiet):.0f} % of the PID's IAE on this plant ({pays(saved(quiet))}), and "
         f"{many['quiet'][1]:.0f} % in the median of [134 plants](across/which-controller.ipynb). At a relative noise "
-        f"gain of {loud:g} acceleration saves {saved(loud):.0f} % here ({pays(saved(loud))}), and "
+        f"gain of {loud:g} acceleration saves {saved(loud):.0f} % on this plant ({pays(saved(loud))}), and "
         f"{many['loud'][1]:.0f} % in the median."
     )
 

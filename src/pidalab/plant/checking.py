@@ -1,4 +1,4 @@
-"""Judge the gains of a running loop by its log: compute Ms, compare with the best gains, and suggest other gains."""
+"""Judge the gains of a running loop by its log, and suggest other gains."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from pidalab.simulation.exact import simulate
 # For each suggested set of gains: largest Ms, and (noise gain) / (present noise gain).
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
 PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
-CLEARER = 0.8  # a fitted load is used only if (residuals with it) / (residuals without it) is below this
+CLEARER = 0.8  # a load is fitted only if (residuals with the load) / (residuals without it) is below this
 CLEAR_MOVE = 20.0  # the output must move by this number of standard deviations of the noise
 COLOURED = 3.0  # if `samples_per_error` is at least this, the residuals are not white noise
-EXPLAINED = 0.8  # a doubt is given if the controller explains less than this share of the movement of u
+EXPLAINED = 0.8  # a doubt is given if the share from `explained_by` is below this
 MOST_STEPPED = 5000  # the controller is run for at most this number of samples
 FED_BACK = 0.05  # a doubt is given if slow disturbances cause at least this share of the variance of u
 CHECK_COLUMNS = {
@@ -79,7 +79,7 @@ class Check:
 
     @cached_property
     def rows(self) -> tuple[DesignRow, ...]:
-        """The running gains, the best gains with the same kind, Ms and noise gain, and three suggested sets."""
+        """The running gains; the best gains that have the same kind, Ms and noise gain; and three suggested sets."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
@@ -105,8 +105,8 @@ class Check:
     def loss(self) -> float:
         """100 * (IAE / (IAE of the best gains with the same kind, Ms and noise gain) - 1), for a step of the load.
 
-        The loss is below 0 if the running gains are better than those that the search found, and nan if the search
-        found no gains. (The search uses no filter faster than the sample time.)
+        The loss is negative if the running gains are better than all gains that the search found. (The search uses no
+        filter faster than the sample time.) If it found none, the loss is nan.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -145,7 +145,7 @@ def check(
     r"""Judge the gains of a running loop by its log, or by an experiment with its plant.
 
     The plant is fitted from the logged u to y, in open or closed loop. The log must contain a change of the set point,
-    a step of the load or a bump of u that is large compared with the noise.
+    a step of the load or a bump of u. The change, step or bump must be large compared with the noise.
 
     Parameters
     ----------
@@ -156,18 +156,18 @@ def check(
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, such as the filter of the measurement.
     sample_time : float, optional
-        Sample time of the controller, above 0. By default it is the sample time of the log.
+        Sample time of the controller, above 0. By default that of the log.
     ms_worst : float, optional
-        Limit of Ms for the suggested sets, with any plant that the log does not rule out.
+        Limit of Ms for the suggested sets. It holds for every plant that the log does not rule out.
     model : str, optional
         Model to fit, as for `pidalab.identification.fit`.
 
     Returns
     -------
     Check
-        Its `rows` are computed on first use and contain three suggested sets of gains. *calmer* has half the noise gain
-        and Ms at most 1.4. *same noise* has the same noise gain and Ms at most 1.6. *faster* has twice the noise gain
-        and Ms at most 1.8.
+        Its `rows` are computed on first use. They contain three suggested sets: *calmer* with half the present noise
+        gain and Ms at most 1.4, *same noise* with the present noise gain and Ms at most 1.6, and *faster* with twice
+        the present noise gain and Ms at most 1.8.
 
     Raises
     ------
@@ -176,8 +176,8 @@ def check(
 
     Notes
     -----
-    In closed loop, white noise does not bias the fit from u to y. Slower disturbances pull the model towards -1/C. If
-    they cause much of the movement of u, a doubt says so.
+    In closed loop, white noise does not bias the fit from u to y. Slow disturbances pull the model towards -1/C, where
+    C is the controller. If they cause much of the movement of u, a doubt says so.
 
     Examples
     --------
@@ -231,18 +231,17 @@ def check(
 
 
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
-    """Return the share of the movement of u between samples that a controller explains, and the best gain.
+    """Return how much of the change of u from sample to sample a controller explains, and the best gain.
 
-    The share is from 0 to 1. It is nan if u is constant in most samples, as in open loop. The best gain is the
-    proportional gain of a least-squares fit.
+    The first value is a share from 0 to 1, or nan if u is constant in most samples, as in open loop. The best gain is
+    the proportional gain of a least-squares fit.
 
     Notes
     -----
-    The controller is run with the logged output and without the set point, which is unknown. A constant set point only
-    adds a constant to the change of the computed signal in each sample. Subtracting the running median removes this
-    constant. The remaining changes of the computed signal and of u must agree. Samples at
-    the largest or smallest u may be clipped, and are left out. A log may store the u of the previous sample, so both
-    alignments are tried.
+    The controller is run with the logged output and without the set point, which is unknown. A constant set point
+    would add a constant to the change of the computed signal in each sample. Subtracting the running median removes
+    this constant. The remaining changes are compared with those of u. Samples at the largest or smallest u may be
+    clipped, and are left out. A log may store the u of the previous sample, so both alignments are tried.
     """
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())
@@ -268,7 +267,7 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
 
 
 def _fitted(record: Record, model: str) -> Fit:
-    """Fit the plant. Include a step of the load if it makes the residuals much smaller."""
+    """Fit the plant. Also fit a step of the load if this makes the residuals much smaller."""
     fits: list[Fit] = []
     refusal = None
     for load in (False, True):
@@ -289,7 +288,7 @@ def _fitted(record: Record, model: str) -> Fit:
 
 
 def _biased(fitted: Fit, loop: Loop) -> list[str]:
-    """Return a doubt if slow disturbances, fed back by the controller, cause much of the movement of u."""
+    """Return a doubt if slow disturbances cause much of the movement of u through the controller."""
     record, residuals = fitted.record, fitted.residuals
     if samples_per_error(residuals) < COLOURED:
         return []

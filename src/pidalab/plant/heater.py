@@ -22,12 +22,12 @@ from pidalab.response import Response
 
 
 class Lab:
-    """A Temperature Control Lab, real or simulated. Used in a ``with`` block, it turns the heaters off at the end.
+    """A Temperature Control Lab, real or simulated. A ``with`` block turns the heaters off at its end.
 
     Parameters
     ----------
     connected : bool, optional
-        Use the board at a serial port. By default a board is simulated, which starts at 21 degrees.
+        Use the board at a serial port. By default a board is simulated. It starts at 21 degrees.
     seed : int, optional
         Seed of the simulated noise.
 
@@ -173,7 +173,7 @@ class Lab:
         Raises
         ------
         TypeError, ValueError
-            If the controller is not digital, or if signals have another length.
+            If the controller is not digital, or if a signal does not have one value for each sample.
 
         Examples
         --------
@@ -239,5 +239,5 @@ def _times(sample_time: float, duration: float) -> Array:
 
 
 def _silent() -> contextlib.redirect_stdout[io.StringIO]:
-    """Suppress the messages of the package."""
+    """Suppress messages of tclab."""
     return contextlib.redirect_stdout(io.StringIO())

@@ -73,7 +73,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the record, the model and the designs. Those about only some designs name their kinds."""
+        """Reservations about the record, the model and the designs, with the kinds if not all designs are concerned."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
@@ -87,7 +87,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """A sentence for each kind on what it gains over the preceding kind, and what it costs."""
+        """For each kind after the first, its IAE, noise gain and worst Ms compared with the preceding kind."""
         return "\n".join(
             f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, relative noise gain "
             f"{new.relative_noise / old.relative_noise:.2f} times"

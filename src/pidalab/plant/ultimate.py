@@ -80,13 +80,13 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     Raises
     ------
     ValueError
-        If the input does not switch between two levels, or if there are fewer than three cycles or the cycles change.
+        If the input does not switch between two levels, if it has fewer than three cycles, or if their periods differ.
 
     Notes
     -----
-    In a steady oscillation the first Fourier coefficients of whole periods give :math:`P(j\omega) = Y_1/U_1` for any
-    form and bias of u, and :math:`K_u = |U_1/Y_1|`. The usual :math:`4 d/(\pi a)` assumes that u is a square wave
-    and y a sine.
+    Let :math:`U_1` and :math:`Y_1` be the first Fourier coefficients of whole periods of a steady oscillation. For any
+    form and bias of u, :math:`P(j\omega) = Y_1/U_1` and :math:`K_u = |U_1/Y_1|`. The usual formula
+    :math:`4 d/(\pi a)` assumes that u is a square wave and y a sine.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def models_of(ku: float, tu: float) -> dict[str, Process]:
 
 
 def rule_table(ku: float, tu: float) -> list[tuple[str, str, PIDA, list[float]]]:
-    """Return rule, kind, controller, and its Ms with each model of `models_of`, infinite for an unstable loop.
+    """Return rows of rule, kind, controller, and Ms with each model of `models_of` (infinite if unstable).
 
     Examples
     --------

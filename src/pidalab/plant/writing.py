@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-PREFIX = ".pidalab-"  # prefix of the hidden folder that holds files until they are renamed
+PREFIX = ".pidalab-"  # prefix of the hidden folder
 
 
 def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:
@@ -21,7 +21,7 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
     texts : mapping of str to str
         Contents by file name.
     replace : bool, optional
-        True to replace files of the same names even if their contents differ.
+        Replace files of the same names even if their contents differ.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
 
 
 def _rename(hidden: Path, paths: Sequence[Path]) -> None:
-    """Rename files to their final places. If this is interrupted, restore the earlier files."""
+    """Rename files to their final places. Restore the earlier files after an interruption."""
     earlier = hidden / ".earlier"
     earlier.mkdir()
     for path in paths:

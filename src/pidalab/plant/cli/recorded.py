@@ -1,4 +1,4 @@
-"""Commands for a record of a plant: compare three controllers, tune one, judge the gains of a running loop."""
+"""Commands for a record of a plant: `report`, `tune` and `check`."""
 
 from __future__ import annotations
 
@@ -112,8 +112,8 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
     start = START.format(sample_time=h, way=way, overshoot=row.overshoot, twice=2 * max(row.overshoot, 5.0))
     units = [
         f"u from {low:g} to {high:g}; at rest in the record u = {digital.bias:.6g} and y = {record.rest:.6g}",
-        f"sample time {h:g}; every time in {record.time_unit or 'the unit of the record'}, which is sampled every "
-        f"{record.sampling:.4g}",
+        f"sample time {h:g}; all times are in {record.time_unit or 'the unit of the record'}; the record has a sample "
+        f"every {record.sampling:.4g}",
         *row.design.info["notes"],
     ]
     doubts = [*candidates.doubts, *missing_limits(low, high)]
@@ -191,9 +191,9 @@ def read_record(options: dict[str, Any]) -> pidalab.Record:
     least, most = min(record.u.min(), record.u_before), max(record.u.max(), record.u_before)
     if not low <= least <= most <= high:
         raise ValueError(
-            f"--u-min and --u-max must contain u of the record, which runs from {least:.6g} to {most:.6g}, found "
-            f"{low:g} and {high:g}: give them in the unit of the record's u; if u was not limited there, log it after "
-            "the limits of the actuator"
+            f"the range from --u-min to --u-max must contain the record's u, from {least:.6g} to {most:.6g}, found "
+            f"{low:g} to {high:g}: give both limits in the unit of the record's u. If u was recorded before the "
+            "actuator limited it, record the limited u"
         )
     return record
 
@@ -216,7 +216,7 @@ def _digital(design: pidalab.Design, record: pidalab.Record, options: dict[str, 
 
 
 def missing_limits(low: float, high: float) -> list[str]:
-    """Return a doubt that names the limits of u that are missing, if any."""
+    """Return a doubt that names the missing limits of u, if any."""
     lacking = [name for name, limit in (("--u-min", low), ("--u-max", high)) if math.isinf(limit)]
     return [doubt("no limits", options=" and ".join(lacking))] if lacking else []
 

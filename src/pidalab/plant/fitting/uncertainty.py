@@ -25,7 +25,7 @@ CHANCE = 0.003  # accepted probability of mistaking a drift for a response, or a
 OPPOSED = 0.8  # like FED_BACK, but for the changes of u and of the residuals
 
 DRIFTS = (
-    "the output answers to the input not clearly above noise and a drift in time: record it at rest for a while, then "
+    "the response to the input is not clearly above noise and a drift in time: record the output at rest, then "
     "step the input, wait until the output rests again, and step it back, which no drift does; with nothing else (a "
     "load, a lid, another heater) moving the output"
 )
