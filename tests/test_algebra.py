@@ -24,7 +24,7 @@ def test_a_number_multiplies_the_gain_only(block):
     for product, factor in ((2 * block, 2), (block * np.float64(2), 2), (block / 4, 0.25), (-block, -1)):
         assert type(product) is type(block)
         np.testing.assert_allclose(product(S), factor * block(S), rtol=1e-13)
-        # limits are those of the actuator
+        # Limits are those of the actuator.
         assert getattr(product, "limits", None) == getattr(block, "limits", None)
 
 
@@ -51,7 +51,7 @@ def test_frequency_response_has_the_dead_time_exactly():
     np.testing.assert_allclose(response.frdata[0, 0], LOOP.L(1j * w), rtol=0)
     margins, gm_pm = pidalab.margins(LOOP), control.stability_margins(response)[:2]
     assert gm_pm == pytest.approx((margins.gm, margins.pm), rel=1e-6)
-    # the phase can be unwrapped, and both crossovers are well inside
+    # The phase can be unwrapped, and both crossovers are well inside.
     assert np.max(np.abs(np.diff(np.unwrap(np.angle(LOOP.L(1j * w)))))) < 0.5
     assert w[0] < margins.wgc / 3
     assert w[-1] > 3 * margins.wpc

@@ -1,4 +1,4 @@
-"""Check both forms of kernels: plain at first, compiled in the background, with the same digits."""
+"""Check both forms of kernels, plain and compiled in the background, which give the same digits."""
 
 import json
 import os
@@ -21,13 +21,13 @@ import pidalab
 loop = pidalab.Loop(pidalab.lags(3, delay=1.0), pidalab.PIDA(1.0, 3.0, 1.0, 0.3))
 print(pidalab.load_response(loop, [0.0, 4.5, 9.0]).y[2].round(9), "numba" in sys.modules)
 """
-# the process has spent a second in plain forms
+# The process has spent more than a second in plain forms.
 WORKED = FIRST.replace("loop =", "from pidalab._compiled import TIER; TIER.spent = 2.0; loop =")
 START = "from pidalab._compiled import compile_in_background; compile_in_background()"
 
 
 def environment(**variables):
-    """Return the environment variables for a process without PIDALAB_COMPILE; None removes a variable."""
+    """Return environment variables for a process without PIDALAB_COMPILE. None removes a variable."""
     given = os.environ | {"PIDALAB_COMPILE": ""} | {key: str(value) for key, value in variables.items()}
     return {name: value for name, value in given.items() if value != "None"}
 
@@ -69,12 +69,12 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason=
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Return the answers of a short and a longer process in a hostile folder, and the cache of the longer one."""
+    """Return the answers of a short and a longer process in a hostile folder, and the cache of the longer process."""
     cache, folder = tmp_path_factory.mktemp("cache"), tmp_path_factory.mktemp("logs")
     for name in ("numba.py", "random.py", "numpy.py", "pidalab.py"):
         trap = f"open({str(folder / 'was_run')!r}, 'w').close()\nraise ImportError('not this one')\n"
         (folder / name).write_text(trap, encoding="utf-8")
-    # the process starts elsewhere, as a command does, and changes to the folder
+    # Like a command, the process starts elsewhere and changes to the folder.
     change = f"import os, sys, numpy, random; sys.path.remove('') if '' in sys.path else 0; os.chdir({str(folder)!r});"
     short = run(change + FIRST, NUMBA_CACHE_DIR=cache)
     assert not list(cache.iterdir())
@@ -97,7 +97,7 @@ def test_short_processes_stay_plain_and_long_ones_use_kept_code(made):
 
 @needs_proc
 def test_killed_compiler_delays_the_next_attempt(tmp_path):
-    """One of two processes starts a compiler, at low priority. After kill -9 the next attempt waits."""
+    """One of two processes starts a compiler at low priority. After kill -9 the next attempt waits."""
     starters = [
         subprocess.Popen([sys.executable, "-c", START], env=environment(NUMBA_CACHE_DIR=tmp_path))
         for _ in range(2)
@@ -156,7 +156,7 @@ def test_plain_forms_are_used_without_a_cache(home, tmp_path):
 
 
 def test_background_compiles_all_kernels(made):
-    """After the background compilation, no function of the library is compiled again."""
+    """After the background compilation no function is compiled again."""
     script = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
@@ -202,7 +202,7 @@ def answers(search=True):
 
 @pytest.mark.parametrize("without", ["numba", "wish", "switch"])
 def test_both_forms_give_the_same_digits(without, tmp_path):
-    """Plain forms are used without numba, with PIDALAB_COMPILE=0 and with NUMBA_DISABLE_JIT, without a message."""
+    """Without numba, with PIDALAB_COMPILE=0 or with NUMBA_DISABLE_JIT, plain forms are used without a message."""
     variables = {
         "numba": {"PIDALAB_COMPILE": "1"},
         "wish": {"PIDALAB_COMPILE": "0"},
@@ -217,6 +217,6 @@ def test_both_forms_give_the_same_digits(without, tmp_path):
     assert done.stderr == ""
     plain, compiled = json.loads(done.stdout), answers(search)
     for name, values in compiled.items():
-        # a search stops at small steps, which differ
+        # A search stops at small steps, which differ.
         digits = 1e-6 if name == "optimum" else 1e-9
         assert plain[name] == pytest.approx(values, rel=digits, abs=1e-11), name

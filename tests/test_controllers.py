@@ -1,4 +1,4 @@
-"""Compare controllers with their printed formulas at random complex frequencies, and convert them there and back."""
+"""Compare controllers with their printed formulas at random complex frequencies, and convert them back and forth."""
 
 import dataclasses
 import math

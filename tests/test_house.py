@@ -17,7 +17,7 @@ SRC = ROOT / "src"
 DESIGN = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("**Imports run one way.**")[1]
 LIBRARY, WING = DESIGN.split("The modules of `plant` are ordered, too:")
 # modules that import `pidalab.plant` when it is first used
-ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # what a user runs
+ATOP = ["pidalab.__main__", "pidalab.warm_up"]  # programs that a user runs
 HANDS_ON = {
     "pidalab.identification": "pidalab.plant.fitting",
     "pidalab.digital": "pidalab.plant.code.json_reader",
@@ -30,7 +30,7 @@ HANDS_ON = {
 
 
 def lines(text, package):
-    """Return the modules of a package as a list for each line. A module imports only from earlier lines and itself."""
+    """Return a list of modules for each line. A module imports only from earlier lines and itself."""
     text = text.split("Imports for types count")[0]
     rooms = [line.strip().split("  ")[0] for line in text.splitlines() if line.startswith(7 * " ")]
     return [[f"{package}.{room}" for room in re.findall(r"\w+", line)] for line in rooms]
@@ -53,7 +53,7 @@ MODULES = {name_of(path): path for path in sorted(SRC.rglob("*.py"))}
 
 
 def imported(path):
-    """Yield the dotted names that a file imports, including imports in functions and for types."""
+    """Yield the dotted names that a file imports, also in functions and for types."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -84,7 +84,7 @@ def in_wing(module):
 
 
 def misplaced():
-    """Yield each import that goes against the order in CONTRIBUTING, or imports the whole library."""
+    """Yield each import that breaks the order in CONTRIBUTING, or imports the whole library."""
     for package, order in (("pidalab", [*CORRIDOR, ATOP]), ("pidalab.plant", ROAD)):
         place = {part: i for i, line in enumerate(order) for part in line}
         for module in (m for m in MODULES if m.startswith(f"{package}.")):

@@ -43,12 +43,12 @@ def test_loop_and_sensitivities():
     [(pidalab.fopdt(4.0, 2.0, 1.0), 0.0, 0.25), (pidalab.ipdt(4.0, 1.0), 0.0, 0.0)],
 )
 def test_transfer_functions_at_a_pole_of_a_block_are_their_limits(process, y_of_d, u_of_r):
-    """At s = 0 controller and plant may be infinite. The closed loop is finite."""
+    """At s = 0 controller and plant may be infinite, and the closed loop is finite."""
     loop = pidalab.Loop(process, pidalab.PIDA(0.1, 8.0), FILTER, PREFILTER)
     answers = {"y": (1.0, y_of_d, -1.0), "u": (u_of_r, -1.0, -u_of_r), "e": (0.0, -y_of_d, 1.0)}
     for output, expected in answers.items():
         assert [loop.transfer(output, source, 0.0) for source in "rdn"] == pytest.approx(expected, abs=1e-15)
-    # without integral action an integrator leaves an error to a load
+    # Without integral action an integrator leaves an error after a load step.
     alone = pidalab.Loop(pidalab.ipdt(4.0, 1.0), 0.1)
     assert alone.transfer("y", "d", [0.0, 1e-9j]) == pytest.approx(10.0)
 
@@ -103,7 +103,7 @@ def test_only_a_direct_feedthrough_of_minus_one_is_ill_posed(process, controller
 
 
 def test_limits_are_those_of_the_controller_seen_from_rest():
-    """A valve of 0 to 100 % that rests at 40 % can close by 40 % and open by 60 %."""
+    """A valve that rests at 40 % can close by 40 % and open by 60 %."""
     valve = pidalab.PIDA(1.0, 2.0).discretise(0.1, limits=(0.0, 100.0), bias=40.0)
     assert pidalab.Loop(pidalab.lags(2), valve).limits == pytest.approx((-40.0, 60.0))
     series = pidalab.SeriesPIDA(1.0, 0.5, 0.0, 2.0, 0.1, 2, limits=(-1.0, 3.0))

@@ -1,4 +1,4 @@
-"""Check the messages of each function: argument, what was found, what is allowed. Other tests match no wording."""
+"""Check the messages of each function: argument, found value, allowed values. Other tests match no wording."""
 
 import math
 from functools import partial
@@ -57,7 +57,7 @@ FIRST = control.tf([1.0], [1.0, 1.0])
 
 
 def given(door, *arguments, **usual):
-    """Return a function that prepares a call with usual arguments, some of them changed."""
+    """Return a function that prepares a call with usual arguments, of which some are changed."""
     return lambda **changed: partial(door, *arguments, **(usual | changed))
 
 

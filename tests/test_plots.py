@@ -27,13 +27,13 @@ def drawn(ax, *labels, **style):
 @pytest.mark.parametrize(
     "panels",
     [
-        # in any order
+        # In any order.
         ({"PI": "PI", "PID": "PID", "PIDA": "PIDA"}, {"PIDA, Ms 1.4": "m = 3", "m = 0": "m = 4", "PID₃²": "other"}),
-        # a second design of a kind, in every panel
+        # A second design of a kind, in every panel.
         ({"PIDA, fast": "PIDA", "PIDA, slow": "m = 3"}, {"PIDA, slow": "m = 3", "PIDA, fast": "PIDA"}),
-        # a label without a kind does not take the style of another line
+        # A label without a kind does not take the style of another line.
         ({"PID₂²": "PIDA", "Lurang": "m = 3"}, {"Lurang": "m = 3"}),
-        # what appears on several pages
+        # Labels of several pages.
         ({"MRDP-PIDA": "PIDA", "PIDA$_1$": "m = 4"}, {"automatic reset": "m = 4", "clamping": "m = 3"}),
     ],
 )  # fmt: skip

@@ -13,7 +13,7 @@ MODULES = ["pidalab", "pidalab.rules", "pidalab.identification", "paperledger", 
 
 
 def members(module):
-    """Return the public names of a module: __all__, or what it defines. A package may import them."""
+    """Return the public names of a module: __all__, or its own definitions. A package may import them."""
     names = getattr(module, "__all__", None) or [
         name
         for name, value in vars(module).items()
@@ -31,7 +31,7 @@ def ours(value):
 
 
 def walk(module, path, seen):
-    """Collect public functions, classes and methods; an object that has several names is collected once."""
+    """Collect public functions, classes and methods. An object with several names is collected once."""
     for name, value in members(module).items():
         if id(value) in seen:
             continue
@@ -76,7 +76,7 @@ ASKED = {"GL08", "SS01", "SS02", "SS03", "PR01", "PR02", "PR03", "PR04", "PR07",
 
 
 def is_record(value):
-    """Return True for a class that only functions construct: it documents attributes instead of parameters."""
+    """Return True for a class that only functions construct. It documents attributes instead of parameters."""
     return inspect.isclass(value) and (
         issubclass(value, (tuple, Exception)) or "\nAttributes\n---" in (inspect.getdoc(value) or "")
     )

@@ -1,4 +1,4 @@
-"""Check the front pages: their code runs, their score is that of the ledgers."""
+"""Check that the code of the front pages runs, and that their score is that of the ledgers."""
 
 import re
 from pathlib import Path
@@ -27,13 +27,13 @@ def test_code_runs(page, capsys):
 
 
 def test_short_answers_run(capsys):
-    """Run the answers one after the other, as a reader would type them."""
+    """Run the answers in order, as a reader would."""
     space = {}
     with plt.rc_context():
         plt.rcdefaults()  # another test may have set the style of the book
         for block in blocks(ROOT / "book" / "how-do-i.md"):
             exec(compile(block, "how-do-i.md", "exec"), space)
-    # what the text next to them claims
+    # The text states these numbers.
     assert space["overshoot"](space["ms"]) == pytest.approx(5.0, abs=0.2)
     assert space["quiet"].deadband == 0.02
     assert space["low"] < pidalab.margins(space["heater"]).ms < space["high"]
@@ -47,7 +47,7 @@ def test_score_is_that_of_the_ledgers():
 
 
 def test_the_landing_figure_matches_its_designs():
-    """`python tools/landing_figure.py` draws the figure and writes its caption, with `--search` its designs, too."""
+    """`python tools/landing_figure.py` draws the figure and writes its caption, with `--search` also its designs."""
     import landing_figure as landing
 
     state, (gain, sample) = landing.stored(), landing.units()

@@ -65,13 +65,13 @@ def test_the_model_keeps_gain_and_ultimate_frequency(process):
 
 @pytest.mark.parametrize("process", DIFFERENT)
 def test_ultimate_frequency_is_the_first_phase_crossover(process):
-    """The second algorithm finds the phase crossovers of a loop with a proportional controller."""
+    """Compare with the phase crossovers of a loop with a proportional controller."""
     loop = pidalab.Loop(process, 1 / process.gain())
     assert ultimate_frequency(process) == pytest.approx(pidalab.phase_crossovers(loop, 1e-7)[0], rel=1e-9)
 
 
 def test_ultimate_frequency_counts_whole_turns():
-    """Five zeros raise the phase to +pi first. It reaches -pi at a much higher frequency."""
+    """Five zeros first raise the phase to +pi. It reaches -pi at a much higher frequency."""
     num, den = np.poly([-1.0] * 5), np.poly([-20.0] * 9)
     process = pidalab.Process(num / num[-1], den / den[-1])
     wu = ultimate_frequency(process)

@@ -14,10 +14,10 @@ from pidalab import PIDA, HighOrderPID, Loop, Process
     [
         (pidalab.lags(3), 2 * math.pi / math.sqrt(3), 8.0),
         (pidalab.ipdt(0.5, delay=1.0), 4.0, math.pi),
-        # without ultimate period, the scale follows from time constants, dead time and 1/static gain
+        # Without ultimate period, the scale follows from time constants, dead time and 1/static gain.
         (pidalab.fopdt(-2.0, 3.0, 0.0), 3.0, 0.5),
         (Process([2.0], [1.0, -0.5], 1.0), 3.0, 0.25),
-        # integrators without ultimate period have the scale of their gain at this time
+        # The scale of integrators without ultimate period follows from their gain at this time.
         (Process([3.0], [2.0, 1.0, 0.0]), 2.0, 1 / 6),
         (Process([3.0], [2.0, 1.0, 0.0, 0.0], 1.0), 3.0, 1 / 27),
     ],

@@ -1,4 +1,4 @@
-"""Check that published metadata agree with each other. `make release` also installs the wheel and uses it."""
+"""Check that published metadata agree. `make release` also installs and uses the wheel."""
 
 import importlib.util
 import json
@@ -30,7 +30,7 @@ def test_the_readme_is_valid_on_a_package_index():
     files = re.findall(rf"{PROJECT['urls']['Repository']}/(?:raw|blob)/main/([^)\"#]+)", standing)
     assert len(files) > 4
     assert [name for name in files if not (ROOT / name).is_file()] == []
-    # formulas are not typeset there
+    # PyPI does not typeset formulas.
     assert "$$" not in readme
 
 
@@ -46,7 +46,7 @@ def test_repository_addresses_agree():
 
 
 def test_one_version():
-    """It is a semantic version, the cited one, and the newest of the changelog."""
+    """The version is semantic, cited, and the newest of the changelog."""
     version = PROJECT["version"]
     assert re.fullmatch(r"\d+\.\d+\.\d+", version)
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
@@ -69,7 +69,7 @@ def test_actions_are_named_by_their_commit():
 
 
 def test_the_lock_for_readers_is_a_part_of_the_other():
-    """Both have hashes and the same versions. Packages for tests and tools are in one of them only."""
+    """Both locks have hashes and the same versions. Only one has packages for tests and tools."""
     locks = [
         (ROOT / name).read_text(encoding="utf-8") for name in ("requirements.txt", "requirements-dev.txt")
     ]
@@ -98,7 +98,7 @@ def test_a_paper_is_named_wherever_a_book_needs_it(paper):
 
 
 def test_the_colab_notebook_runs(capsys, monkeypatch):
-    """The first cell clones the repository that pyproject.toml names. The others run in a clone."""
+    """The first cell clones the repository in pyproject.toml. The others run in a clone."""
     cells = json.loads((ROOT / "colab.ipynb").read_text(encoding="utf-8"))["cells"]
     first, *others = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     assert f"clone --quiet --depth 1 {PROJECT['urls']['Repository']}\n" in first

@@ -81,7 +81,7 @@ def test_total_variation():
 
 
 def huba_tv1(path):
-    """Compute huba2024, eq. (24), by trying every sample as the one extreme."""
+    """Compute huba2024, eq. (24), by trying every sample as the extreme."""
     total = np.sum(np.abs(np.diff(path)))
     return min(total - abs(2 * x - path[0] - path[-1]) for x in path)
 
@@ -238,7 +238,7 @@ ALONE = [name for name in (*MEASURES, "settling_time") if name not in ("tv", "tv
 
 
 def measured(run):
-    """Return all measures of a run, and which of them warn; None for one that is refused."""
+    """Return all measures of a run (None if refused), and which of them warn."""
     values = {}
     for name, *signal in [*BY_SIGNAL, *((name,) for name in ALONE)]:
         with warnings.catch_warnings(record=True) as caught:
@@ -251,7 +251,7 @@ def measured(run):
 
 
 def test_measures_of_a_coarse_grid_are_right_or_warn():
-    """Measures of random loops at 501 points differ by at most 0.1 % from those at 20,001, or warn. Few warn."""
+    """Measures of random loops at 501 points differ from those at 20,001 points by at most 0.1 %, or warn. Few warn."""
     seed = 0
     rng, judged, warned, wrong = np.random.default_rng(seed), 0, 0, []
     for k in range(40):
@@ -282,7 +282,7 @@ FAST = pidalab.Loop(
 
 
 def test_measures_refine_their_grid():
-    """The samples alone would give an overshoot of 9 % in place of 13.9 %, and a TV of 12.7 in place of 20.1."""
+    """The samples alone would give an overshoot of 9 % instead of 13.9 %, and a TV of 12.7 instead of 20.1."""
     run = pidalab.step_response(FAST, np.linspace(0.0, 60.088, 501))
     assert run.overshoot() == pytest.approx(13.883, abs=0.002)
     assert run.rise_time() == pytest.approx(0.0352, rel=1e-2)
@@ -298,7 +298,7 @@ def test_measures_refine_their_grid():
 
 
 def test_records_without_a_loop_warn():
-    """The exact area shows that samples are too far apart. A fine record and one without area do not warn."""
+    """The exact area shows that samples are too far apart. Fine records and records without area do not warn."""
     run = pidalab.step_response(FAST, np.linspace(0.0, 60.088, 501))
     signals = {name: getattr(run, name) for name in ("t", "r", "d", "n", "y", "u")}
     with pytest.warns(RuntimeWarning, match=r"overshoot is uncertain by about .* take a smaller step"):
@@ -355,9 +355,9 @@ def test_a_late_load_is_not_divergence():
 
 # Measures of sampled responses against the oracle.
 #
-# The measures use parabolas between samples, or straight lines where only samples are known. make_measures.py derives
-# the errors of this interpolation, and the file contains them. Allowed is twice the error for large steps, plus 1e-9
-# for the engine.
+# The measures use parabolas between samples, or straight lines where only samples are known. The file contains the
+# errors of this interpolation, from make_measures.py. Since steps are large, twice this error is
+# allowed, plus 1e-9 for the engine.
 
 POWERS = {
     "iae": 4,
@@ -385,7 +385,7 @@ def measures(response, step_of_setpoint):
 @pytest.mark.parametrize("source", ["setpoint", "load"])
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
 def test_measures(case, source, finer):
-    """Errors fall with a power of the sample time."""
+    """The errors decrease with a power of the sample time."""
     h, expected = case["step"] / finer, case[source]
     t = np.linspace(0.0, case["end"], round(case["end"] / h) + 1)
     simulate = pidalab.step_response if source == "setpoint" else pidalab.load_response

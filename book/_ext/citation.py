@@ -1,6 +1,6 @@
 """Add metadata to pages: the canonical address, and citations for search engines.
 
-The address of the site is that of the repository's pages, unless ``html_baseurl`` is set.
+The site has the address of the repository's GitHub pages, unless ``html_baseurl`` is set.
 """
 
 import re
@@ -12,7 +12,7 @@ from pybtex.database import parse_file
 
 
 def site(repository):
-    """Return where GitHub shows the pages of a repository.
+    """Return the address of the GitHub pages of a repository.
 
     >>> site("https://github.com/pidalab/pidalab")
     'https://pidalab.github.io/pidalab/'

@@ -1,5 +1,5 @@
-"""Complete what Jupyter Book makes: parallel writing, formulas without a network, a content security policy, numbers of
-figures by lecture, and repairs for readers who listen, use the keyboard, or print.
+"""Complete Jupyter Book: parallel writing, formulas without a network, a content security policy, numbers of figures by
+lecture, and repairs for screen readers, keyboard and print.
 """
 
 import gc
@@ -9,7 +9,7 @@ import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
 
-# --- speed: Sphinx holds millions of nodes and frees few, so garbage collection would take a sixth of its time ---
+# --- speed: garbage collection would take a sixth of the time, since Sphinx frees few of its nodes ---
 
 
 def write_in_parallel(app, env):
@@ -17,7 +17,7 @@ def write_in_parallel(app, env):
     app.parallel = os.cpu_count()
 
 
-# --- a policy that forbids each page to load anything from another host ---
+# --- a policy: no page loads anything from another host ---
 
 # The pages have inline scripts and styles (formulas, figures, the lab), and run WebAssembly in workers.
 POLICY = "; ".join(
@@ -42,7 +42,7 @@ def add_policy(app, pagename, templatename, context, doctree):
     context["metatags"] = f"{META}\n{context.get('metatags', '')}"
 
 
-# --- MathJax from the site itself: the book needs one script and the fonts of the distribution --
+# --- MathJax from the site itself: one script and the fonts of the distribution --
 
 SCRIPT = "tex-chtml.js"
 FONTS = "output/chtml/fonts/woff-v2"
@@ -54,7 +54,7 @@ def copy_mathjax(app, exception):
     """Copy the script and its fonts, in the layout the script expects."""
     if exception or app.builder.format != "html":
         return
-    # The package's name holds hyphens, so it cannot be imported by name.
+    # The name of the package has hyphens, so it cannot be imported.
     with as_file(files("sphinx-mathjax-offline") / "static" / "mathjax") as source:
         target = Path(app.outdir) / "_static" / "mathjax"
         shutil.copytree(source / FONTS, target / FONTS, dirs_exist_ok=True)
@@ -62,7 +62,7 @@ def copy_mathjax(app, exception):
 
 
 def tie_marks(app, pagename, templatename, context, doctree):
-    """Keep a formula and its comma, or its bracket, on one line."""
+    """Keep a formula and its comma or bracket on one line."""
     if "body" in context:
         context["body"] = MARKED.sub(r'<span class="tied">\1</span>', context["body"])
 
@@ -77,7 +77,7 @@ def prefix_of(title: str) -> tuple[int, ...]:
 
 
 def number_by_page(app, env):
-    """Number by page what Sphinx numbers through all pages."""
+    """Number figures and exercises by page."""
     for page, kinds in env.toc_fignumbers.items():
         if not env.toc_secnumbers.get(page, {}).get(""):
             prefix = prefix_of(env.titles[page].astext())
@@ -91,7 +91,7 @@ def number_by_page(app, env):
 EMPTY_HEADER = re.compile(r"<th(\s[^>]*)?>\s*(<p>\s*</p>)?\s*</th>")
 SAME_NAME = ' aria-label="Toggle hidden content"'
 FRAME = re.compile(r'<table[^>]*\bclass="[^"]*\bdataframe\b[^"]*"[^>]*>.*?</table>', re.DOTALL)
-# M_s, ω_gc, PIDA_1: a letter or capitals with an index in a cell of a table of numbers; the name of a file goes on
+# M_s, ω_gc, PIDA_1: a letter or capitals with an index in a cell of a table of numbers. File names do not match.
 INDEX = re.compile(
     r"(?<![\w.])([^\W\d_][\u0300-\u036f]?|[A-Z]{2,5})_(-?\w{1,5})(?!\w|[.-]\w)(?=[^<>]*</t[hd]>)"
 )
@@ -99,7 +99,7 @@ INDEX = re.compile(
 
 def repaired(body: str) -> str:
     """Return the body of a page with names for folds, no empty table headers, and typeset indices."""
-    body = body.replace(SAME_NAME, "")  # the words inside the fold's bar are its name
+    body = body.replace(SAME_NAME, "")  # the words in the bar of a fold are its name
     body = EMPTY_HEADER.sub("<td></td>", body)
     return FRAME.sub(lambda table: INDEX.sub(r"\1<sub>\2</sub>", table.group()), body)
 

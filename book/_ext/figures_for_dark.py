@@ -1,10 +1,9 @@
-"""Draw every figure for dark mode, too.
+"""Draw every figure also for dark mode.
 
-A figure is an SVG in dark colours on a transparent background. A second file for dark mode replaces each colour: black
-becomes nearly white, and a hue becomes lighter. Colour maps represent numbers, so they do not change, nor does a group
-whose id begins with ``as-drawn``.
-The page contains both images, and the theme shows one of them. The dark one is fetched only when it is shown. Print
-uses the light one. The text of a figure has the font of the page.
+A figure is an SVG in dark colours on a transparent background. A second file replaces each colour: black becomes nearly
+white, and hues become lighter. Colour maps, which represent numbers, do not change, nor do groups whose id begins with
+``as-drawn``. The page contains both images, and the theme shows one of them. The dark image is fetched only when it is
+shown. Print uses the light image. The text of a figure has the font of the page.
 """
 
 import colorsys
@@ -48,7 +47,7 @@ def darkened(svg: str) -> str:
         [],
         0,
         0,
-    )  # number of open groups inside one that stays as drawn
+    )  # number of open groups inside a group that stays as drawn
     for group in GROUP.finditer(svg):
         text = svg[start : group.start()]
         pieces.append(text if kept else _inked(text))
@@ -60,7 +59,7 @@ def darkened(svg: str) -> str:
             kept = 1
     pieces.append(_inked(svg[start:]))
     dark = "".join(pieces)
-    # Text and markers without a colour are black, so the figure gets a light default, except groups that stay as drawn.
+    # Text and markers without a colour get a light default colour, except in groups that stay as drawn.
     dark = dark.replace('<g id="as-drawn', '<g fill="#111111" id="as-drawn')
     return dark.replace("<svg ", f'<svg fill="{for_dark("#000000")}" ', 1)
 

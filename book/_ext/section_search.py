@@ -1,8 +1,7 @@
 """A search for sections without a server, with chapters before the reference.
 
-While Sphinx writes the pages, in several processes, the text of every section is stored next to the page's doctree. At
-the end it becomes one script, which the search page loads with MiniSearch. It is a script, not a data file, because a
-page opened from disk cannot load data.
+While several processes write the pages, the text of every section is stored next to the page's doctree. At the end it
+becomes one script, which the search page loads with MiniSearch. A page opened from disk could not load a data file.
 """
 
 import json
@@ -18,7 +17,7 @@ MATHS = re.compile(r"\\[()\[\]]")
 VOID = {"br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}  # elements that never end
 TASKS = 0.4  # relative weight of exercises, which mention many terms without explaining them
 LONGEST = 6000  # largest number of characters of a section
-# Weight of a hit, by the beginning of the page's name. The first match counts.
+# Weight of a hit by the beginning of the page's name. The first match counts.
 WEIGHTS = (
     ("book/api", 0.05),
     ("book/audit", 0.15),
@@ -30,8 +29,7 @@ WEIGHTS = (
     ("", 1.0),
 )
 
-# Search words that a section does not contain, by section. Such a section has the weight of a page, even in the
-# reference.
+# Additional search words by section. Such a section has the weight of a page, even in the reference.
 ALSO = {
     "book/heo2023.html#the-idea": "dead time",
     "book/how-do-i.html#install-pidalab": "install installation setup download pip PyPI Binder Colab",
@@ -64,14 +62,14 @@ ALSO = {
 class Sections(HTMLParser):
     """Parser of a page that stores anchor, title and text of each section.
 
-    The entry of a name in the reference, a definition list whose first term has an anchor, is a section, too.
+    An entry of the reference, a definition list whose first term has an anchor, is also a section.
     """
 
     def __init__(self):
         super().__init__()
-        self.found = []  # in the order of the page: anchor, words of the title, words of the text
-        self.open = []  # elements that have begun: tag, and the section that they are
-        self.left_out = self.title = 0  # number of open elements at an ignored element or a title, 0 for none
+        self.found = []  # anchor, words of the title and words of the text, in the order of the page
+        self.open = []  # open elements: tag, and their section if they are one
+        self.left_out = self.title = 0  # number of open elements at an ignored element or a title, or 0
 
     def section(self):
         """Return the innermost section that has a title."""
@@ -178,7 +176,7 @@ def write_index(app, exception):
 
 
 def leave_words_out(app, env):
-    """Leave Sphinx's index of words empty, since it is not used and takes a tenth of the build."""
+    """Leave the unused word index of Sphinx empty, which saves a tenth of the build."""
     for page in env.found_docs:
         env.metadata[page]["nosearch"] = True
 

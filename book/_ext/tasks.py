@@ -1,4 +1,4 @@
-"""Tasks that the page judges: a directive for an element of class `pidalab-task`, and the scripts for pages with one.
+"""Add tasks that the page judges: a directive for elements of class `pidalab-task`, and scripts for their pages.
 
     ```{task} Short title
     :label: task-3-2
@@ -17,9 +17,9 @@
     The answer, worked.
     ```
 
-The second part is YAML, as `_static/lab/judge.js` describes it, with three more entries: `lab`, a state of the lab for
-a link; `key`, a right answer, whose numbers are in the worked answer; `wrong`, usual wrong answers, each with a word of
-the reply. The tests compare both with the library. Without JavaScript hint and answer unfold.
+The second part is YAML, as in `_static/lab/judge.js`, with three more entries: `lab`, a state of the lab for a link;
+`key`, a right answer, whose numbers are in the worked answer; `wrong`, usual wrong answers, each with a word of
+the reply. The tests compare right and wrong answers with the library. Without JavaScript hint and answer unfold.
 """
 
 import json

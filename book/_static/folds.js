@@ -10,7 +10,7 @@ addEventListener("load", () => {
   }
 });
 
-/* Return the id at the end of an address, which may contain a % that encodes nothing. */
+/* Return the id at the end of an address. It may contain a % that encodes nothing. */
 function place() {
   try { return decodeURIComponent(location.hash.slice(1)); } catch { return ""; }
 }

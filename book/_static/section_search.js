@@ -1,9 +1,9 @@
-/* The search page lists sections of the book, best first, from the index of the build. */
+/* The search page: it lists sections of the book, best first, from the index of the build. */
 (function () {
   "use strict";
   const IDLE = new Set("a an and do does for from how i in is it of on the to what with".split(" "));
   const index = new MiniSearch({
-    fields: ["title", "page", "text", "also"], // also: search words of readers that the section does not contain
+    fields: ["title", "page", "text", "also"], // also: search words that the section does not contain
     storeFields: ["title", "page", "text", "url", "weight"],
     // "anti-windup" is indexed as one word and by its parts, "setpoint" as "set point". Case and accents are ignored.
     tokenize: (text) => {
@@ -60,6 +60,6 @@
     results.append(list);
   };
 
-  /* This replaces the search for whole pages, with the same box and address. Sphinx's script comes later on the page. */
+  /* Replace the search for whole pages, with the same box and address. Sphinx's script comes later on the page. */
   document.addEventListener("DOMContentLoaded", () => { Search.performSearch = show; });
 })();

@@ -31,7 +31,7 @@
     // A figure and a task have separate slides.
     if (block.matches(SHOWN) && (has(PICTURE) || (has(".shown") && block.matches(`${PICTURE}, ${OWN}`)))) begin();
     block.classList.add(block.matches(SHOWN) ? "shown" : "notes");
-    slides.at(-1).append(block); // moved, not copied, so that a live figure stays live
+    slides.at(-1).append(block); // a copy of a live figure would not work
   }
   for (const slide of slides) { // text without anything else is the slide itself, not a note
     if (!slide.querySelector(":scope > .shown")) slide.querySelectorAll(":scope > p").forEach((one) => one.classList.remove("notes"));

@@ -12,11 +12,11 @@ def ends(book: Ledger, id: str) -> tuple[float, float]:
 
 
 def agreeing(book: Ledger, values: Mapping[str, float]) -> int:
-    """Count the numbers, by their ids, that round to the printed ones."""
+    """Count the values, by id, that round to the printed ones."""
     bounds = {id: ends(book, id) for id in values}
     return sum(low <= values[id] <= high for id, (low, high) in bounds.items())
 
 
 def distance(book: Ledger, id: str, value: float) -> tuple[float, float]:
-    """Return how far a number is from the printed one, and half a unit of its last digit."""
+    """Return the distance of a value from the printed one, and half a unit of the last printed digit."""
     return abs(value - book.printed(id)), book.row(id).half_unit

@@ -12,25 +12,25 @@ import pidalab
 from pidalab import plots
 from pidalab.rules import haalman
 
-t = np.linspace(0, 60, 6001)  # times of every record, 0.01 apart
+t = np.linspace(0, 60, 6001)  # times of every record
 processes = {"ex1": pidalab.lags(4), "ex2": pidalab.lags(8)}  # eqs. (11), (17)
 kinds = {"pida": "PIDA", "pid": "PID"}
 asked = {"ms14": 1.4, "ms20": 2.0}
 tests = {"setpoint": {"setpoint": 1.0}, "load": {"load": 1.0}}
 
-# The eight loops by the names they have in the ledger, such as ex1.pida.ms14.
+# Names of the eight loops in the ledger, such as ex1.pida.ms14.
 cases = [".".join(names) for names in product(processes, kinds, asked)]
 process = {case: processes[case[:3]] for case in cases}
 ms = {case: asked[case[-4:]] for case in cases}
 twin = {case: case.replace("pida", "pid") for case in cases if "pida" in case}
 
-# The end times of the printed IAE, and records of the measurement noise.
+# End times of the printed IAE; records of measurement noise.
 horizon = {case: 20 if "ex1" in case else 40 if ms[case] < 2 else 60 for case in cases}
 noise = np.array([pidalab.uniform_noise(t, 0.1, seed) for seed in range(20)])
 
 
 def designs(book):
-    """Return model, controller with the exact gain, controller with the printed gain, and filter of each loop."""
+    """Return model, controller with exact and with printed gain, and filter of each loop."""
     model, exact, used, F = {}, {}, {}, {}
     for case in cases:
         ex, kind, _ = case.split(".")
@@ -49,7 +49,7 @@ def designs(book):
 
 
 def read(ex, step, levels, way):
-    """Return the parameters that eq. (5) gives with these levels, by their names in the ledger."""
+    """Return the parameters of eq. (5) read at these levels, by their names in the ledger."""
     t = np.arange(0, 60 + step / 2, step)
     y = pidalab.open_loop_step(processes[ex], t).y
     if way == "interpolated":
@@ -65,7 +65,7 @@ def read(ex, step, levels, way):
 
 
 def draw(loop, ex, ms):
-    """Draw a figure of the paper: y above u after a set-point and a load step, with one noisy run of each."""
+    """Draw y above u after a set-point and a load step, each with one noisy run."""
     figure, axes = plt.subplots(2, 2, figsize=(5.0, 4.4))
     last = horizon[f"{ex}.pida.{ms}"]
     ends = (
@@ -86,7 +86,7 @@ def draw(loop, ex, ms):
 
 
 def live_knob(model):
-    """Return a live figure of two PIDA loops on the model, each with its own knob for Ms."""
+    """Return a live figure of two PIDA loops, each with a knob for Ms."""
     labels = {"Ms, solid": 1.4, "Ms, dashed": 2.0}
     gains = {
         f"Ms {ms}": [*haalman.pida(model, ms, m=10).gains()] for ms in labels.values()
@@ -111,7 +111,7 @@ def live_knob(model):
 
 
 def own_model(ratio, alpha):
-    """Return the process of the form (4) with K = 1, τ = 1 and an apparent dead time of `ratio`."""
+    """Return the process (4) with K = 1, τ = 1 and the apparent dead time `ratio`."""
     lag = (1 - alpha) * ratio / 2
     return pidalab.Process(
         [1.0], np.polymul([1, 1], np.polymul([lag, 1], [lag, 1])), alpha * ratio
@@ -119,7 +119,7 @@ def own_model(ratio, alpha):
 
 
 def read_own_model(ratio, alpha):
-    """Read the three points of that process."""
+    """Fit a model to three points of the response of `own_model`."""
     record = np.linspace(0, 12 * (1 + ratio), 6001)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", pidalab.areas.RecordWarning)
@@ -129,7 +129,7 @@ def read_own_model(ratio, alpha):
 
 
 def with_peak(loop, top, t):
-    """Return a step response with the prefilter 1/(T s + 1)² that limits u to `top`, if one is needed."""
+    """Return a step response. If u exceeds `top`, a prefilter 1/(T s + 1)² limits it."""
 
     def run(T):
         blocks = loop.process, loop.controller, loop.output_filter
@@ -144,19 +144,19 @@ def with_peak(loop, top, t):
 
 
 def at_ms(process, controller, ms, order, time):
-    """Return the loop with an output filter 1/(time s + 1)^order and the gain that gives it this Ms."""
+    """Return the loop with an output filter 1/(time s + 1)^order and the gain for this Ms."""
     F = haalman.OutputFilter(time, order, np.nan)
     k = pidalab.gain_for_ms(pidalab.Loop(process, controller, F), ms)
     return pidalab.Loop(process, k * controller, F)
 
 
 def noise_gain(loop):
-    """Return the standard deviation of u divided by that of the noise, which changes every 0.01."""
+    """Return the noise gain if the noise changes every 0.01."""
     return pidalab.noise_gain(loop, sample_time=0.01)
 
 
 def at_noise(process, controller, ms, order, gain):
-    """Return the loop of `at_ms` with the filter time for this noise gain, or None if there is none."""
+    """Return the loop of `at_ms` with this noise gain, or None if every filter time gives less."""
 
     def excess(log_time):
         loop = at_ms(process, controller, ms, order, np.exp(log_time))
@@ -170,7 +170,7 @@ def at_noise(process, controller, ms, order, gain):
 
 
 def load_iae(loop):
-    """Return the IAE after a unit step of the load without noise, integrated to infinity."""
+    """Return the IAE after a unit step of the load, integrated to infinity."""
     return pidalab.load_response(loop, np.linspace(0, 400, 8001)).iae(np.inf)
 
 

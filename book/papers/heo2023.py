@@ -1,4 +1,4 @@
-"""heo2023: examples and controllers of the paper, its figures, other rules, and a search for the optimum."""
+"""Examples, controllers, figures and other rules for the pages on heo2023, and a search for the optimum."""
 
 import math
 import warnings
@@ -27,7 +27,7 @@ SECOND = {ex: pidalab.reduction.to_sopdt(process) for ex, process in EXAMPLES.it
 
 
 def tuned(ex, method, test):
-    """Return a controller of Tables 4 to 6 for an example, a method and a test."""
+    """Return a controller of Tables 4 to 6."""
     if method == "imc":
         return itae.imc_pid(FIRST[ex].process)
     return itae.tune(SECOND[ex].process, test, KINDS[method]).controller
@@ -43,13 +43,13 @@ LOOPS = {case: pidalab.Loop(EXAMPLES[case[0]], C) for case, C in CONTROLLERS.ite
 
 
 def shape(model):
-    """Return the parameters of a model, with the names that the ledger uses for the tables."""
+    """Return the parameters of a model, by their names in the ledger."""
     found = {"tau": model.tau, "theta": model.delay}
     return found | ({"xi": model.damping} if hasattr(model, "damping") else {})
 
 
 def tunings(C):
-    """Return the tunings of a controller, with the names that the ledger uses for the tables."""
+    """Return the tunings of a controller, by their names in the ledger."""
     found = {"kc": C.kc, "taui": C.tau_i, "taud": C.tau_d}
     return found | ({"taua": C.tau_a} if C.tau_a else {})
 
@@ -64,7 +64,7 @@ def run(case, until=200):
 
 
 def draw(ex, until, first):
-    """Draw one of Figs 2 to 4 with the control signal below. Its first kick is cut off and given as text."""
+    """Draw one of Figs 2 to 4, with u below. The first peak of u is cut off and given as text."""
     figure, axes = plt.subplots(2, 2, figsize=(5.6, 3.7))
     for (y, u), test, end in zip(axes.T, TESTS, (first, until), strict=True):
         runs = {
@@ -99,7 +99,7 @@ def measured():
 
 
 def live_actuator():
-    """Return a live figure of Example 1 with a limit on u, for the PID and the PIDA of the paper."""
+    """Return a live figure of Example 1 with limited u, for the paper's PID and PIDA."""
     model, controllers = SECOND["ex1"].process, {}
     for kind, order in (("PID", 2), ("PIDA", 3)):
         gains = itae.tune(model, "setpoint", kind).controller.gains()
@@ -124,7 +124,7 @@ def live_actuator():
 
 
 def ms_map(rule, dampings, ratios):
-    """Return Ms of a rule on models with gain and time constant 1. It is infinite if the loop is unstable."""
+    """Return Ms of a rule on models with gain and time constant 1, infinite for unstable loops."""
     rows = {}
     for xi, r in product(dampings.tolist(), ratios.tolist()):
         model = unit(xi, r)
@@ -135,7 +135,7 @@ def ms_map(rule, dampings, ratios):
     return pd.DataFrame(rows).T
 
 
-# ---- beyond the paper: a limited actuator, and four rules on models with gain and time constant 1
+# ---- beyond the paper: a limited actuator, and four rules
 def limited(C, limit, lag):
     """Return the set-point response of Example 1 with u within ±limit and the prefilter 1/(lag s + 1)²."""
     digital = C.discretise(0.001, "tustin", limits=(-limit, limit), anti_windup=None)
@@ -166,7 +166,7 @@ def unit(damping, ratio):
 
 
 def measures(model, controller, test):
-    """Return ITAE, Ms, overshoot in per cent and u(0+). An unstable loop has infinite ITAE and Ms."""
+    """Return ITAE, Ms, overshoot in per cent and u(0+). ITAE and Ms of unstable loops are infinite."""
     loop = pidalab.Loop(model, controller)
     if not pidalab.is_stable(loop):
         return math.inf, math.inf, math.nan, math.nan
@@ -213,7 +213,7 @@ def least(model, test, start, ms=math.inf, sharp=1e-3):
     return controller(x)
 
 
-# ---- the notation of the paper for the names in the ledger
+# ---- the paper's notation for names in the ledger
 WORDS = {"setpoint": "set point", "itae2": "ITAE-2", "imc": "IMC"}
 WORDS |= {ex: f"Example {ex[2]}" for ex in EXAMPLES}
 WORDS |= {"tau": "τ", "theta": "θ", "xi": "ξ", "kc": "k_c"}

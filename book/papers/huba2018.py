@@ -1,7 +1,7 @@
 """Orders, plants and a simulated thermal plant for the pages on huba2018.
 
-The records of the thermal plant of sec. V are not published. The twin has an assumed structure. Identified as the
-paper identifies its plant, it gives the printed model (17). It shows what a plausible plant of that kind would do.
+The records of the thermal plant of sec. V are not published. The twin has an assumed structure. Identified like the
+paper's plant, it gives the printed model (17).
 """
 
 from itertools import product
@@ -21,8 +21,8 @@ ORDERS = range(5)  # derivative orders m of the tables
 TABLE2 = [(m, n) for m in ORDERS for n in range(max(m, 1), 7)]  # its cells
 DESIGNED = [
     (m, n) for m, n in TABLE2 if n > m
-]  # those where eq. (9) determines the pole
-UNIT = pidalab.ipdt(gain=1.0, delay=1.0)  # velocity gain and dead time are 1
+]  # eq. (9) determines the pole only in these cells
+UNIT = pidalab.ipdt(gain=1.0, delay=1.0)
 THERMAL = pidalab.ipdt(gain=0.01, delay=5.0)  # model in the captions of Figs 5, 7, 8
 SAMPLE = 0.02  # s, sample time of the experiments
 LAMP = (0.0, 80.0)  # %, limits of the lamp power, sec. V.B
@@ -30,19 +30,19 @@ TANGENT = {"gain": 0.01, "delay": 5.56}  # the printed model, eq. (17)
 
 
 def equal_servo(m, ie):
-    """Return T_e on UNIT with which the IE after a set-point step is `ie`, eq. (15)."""
+    """Return the T_e that gives UNIT the IE `ie` after a set-point step, eq. (15)."""
     one, weights = mrdp.constants(m), mrdp.prefilter_weights(m, m + 1)
     return ie / ((1 - weights[0]) * one.integral_time) - 1
 
 
 def equal_load(m, ie):
-    """Return T_e on UNIT with which the IE after a load step, T_i/K_c, is `ie`."""
+    """Return the T_e that gives UNIT the IE `ie`, which is T_i/K_c, after a load step."""
     one = mrdp.constants(m)
     return np.sqrt(ie * one.gain / one.integral_time) - 1
 
 
 def noise_in_u(loop, samples=250):
-    """Return the standard deviation of u under white noise of 1, with this many samples in a dead time."""
+    """Return the standard deviation of u under white noise of 1, with `samples` in a dead time."""
     w = np.linspace(0.0, samples * np.pi, 10_001)[1:]
     return np.sqrt(np.mean(np.abs(loop.transfer("u", "n", 1j * w)) ** 2))
 
@@ -52,10 +52,9 @@ def thermal_plant(
 ):
     """Return a twin of the thermal plant: from lamp power in % to K above ambient; times in s.
 
-    A body x follows the lamp w, T dx/dt = w - x, with T = `rise` where w > x and `fall`
-    otherwise; y = K [(1 - share + share/(conduction s + 1)) x - dip w]/(T_l s + 1)^lags,
-    and w is u after the dead time `delay`. K and T_l are chosen such that the tangent
-    at the steepest point of a step upwards is eq. (17).
+    The lamp w is u after the dead time `delay`. A body x follows it: T dx/dt = w - x, with T = `rise`
+    where w > x, else `fall`. Output: y = K [(1 - share + share/(conduction s + 1)) x - dip w]/(T_l s + 1)^lags.
+    With K and T_l the steepest tangent to a step upwards is eq. (17).
     """
 
     def plant(gain, lag):
@@ -71,7 +70,7 @@ def thermal_plant(
 
     def tangent(
         lag,
-    ):  # without the true dead time, which only adds to that of the tangent
+    ):  # The true dead time only adds to that of the tangent.
         rising = plant(1.0, lag).rising
         undelayed = pidalab.Process(rising.num, rising.den)
         return ipdt_tangent(t, pidalab.open_loop_step(undelayed, t).y)
@@ -81,9 +80,9 @@ def thermal_plant(
 
 
 def experiment(design, plant, anti_windup=None, hold=200.0):
-    """Warm the plant up to 10 K, step the set point to 15 K and back, each for `hold` s.
+    """Warm up to 10 K, step the set point to 15 K and back, each for `hold` s.
 
-    Sample time and limits are the paper's. The temperatures are assumed.
+    The temperatures are assumed.
     """
     r = np.repeat([10.0, 15.0, 10.0], round(hold / SAMPLE))
     t = SAMPLE * np.arange(r.size)
@@ -93,7 +92,7 @@ def experiment(design, plant, anti_windup=None, hold=200.0):
 
 
 def measures(run, hold=200.0):
-    """Measure both steps; a loop outside 5 % in the last fifth of `hold` does not settle."""
+    """Measure both steps. A loop outside 5 % in the last fifth of `hold` does not settle."""
     found = {}
     for way, start in (("up", hold), ("down", 2 * hold)):
         part = run.between(start, start + hold)
@@ -108,7 +107,7 @@ def measures(run, hold=200.0):
 
 
 def tried(designs, plant, hold=200.0):
-    """Return runs of designs without protection and with clamping, and their overshoot and settling."""
+    """Return runs without protection and with clamping, and a table of overshoot and settling."""
     runs, tables = {}, {}
     for (name, design), way in product(designs.items(), ("none", "clamping")):
         protection = None if way == "none" else way
@@ -120,7 +119,7 @@ def tried(designs, plant, hold=200.0):
 
 
 def drawn(runs, size=(6.4, 3.2)):
-    """Draw the temperature above lamp power of several runs, with their set point."""
+    """Draw temperature, with the set point, above lamp power."""
     figure = plots.experiment(runs, "temperature, K", "lamp power, %", "time, s")
     figure.set_size_inches(size)
 
@@ -128,9 +127,8 @@ def drawn(runs, size=(6.4, 3.2)):
 def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
     """Return times and output of a loop on UNIT, simulated as by a solver with variable steps.
 
-    Dormand and Prince's pair, with the constants of SciPy. No step is longer than a fiftieth of the run. The delayed
-    control signal is interpolated linearly between the ends of past steps. Tolerances
-    and longest step are the usual defaults.
+    The solver is Dormand and Prince's pair with the usual tolerances and longest step. Between the ends of past steps
+    the delayed control signal is interpolated linearly.
     """
     blocks = design.loop().blocks
     parts = [ss(TransferFunction(*blocks[x])) for x in ("controller", "prefilter")]

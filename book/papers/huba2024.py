@@ -24,7 +24,7 @@ def plant(delay=1.0):
 
 
 def design(setting, n=4, filter_time=0.2, **options):
-    """Return a design for T_dp = 1 with the filter Q_n; by default n T_f = 0.8, so T_d = 1.8."""
+    """Return a design for T_dp = 1 with the filter Q_n. By default n T_f = 0.8, so T_d = 1.8."""
     return ar.tune(plant(), setting, n=n, filter_time=filter_time, **options)
 
 
@@ -38,19 +38,19 @@ def label(name):
 
 
 def limits(step, spare=SPARE):
-    """Return limits at the distance `spare` from u at rest."""
+    """Return limits of u at the distance `spare` from its values at rest."""
     return (-spare, spare) if step == "setpoint" else (-1.0 - spare, spare)
 
 
 def sampled(loop, step, bounds=None, end=60.0, h=T_S, **options):
-    """Return the response to a unit step of set point or load, by default at the limits of Fig. 3."""
+    """Return the response to a unit step, by default with the limits of Fig. 3."""
     given = {"setpoint": 0.0, "load": 0.0, "limits": bounds or limits(step)} | options
     t = h * np.arange(round(end / h) + 1)
     return pidalab.simulate_sampled(loop, t, **given | {step: 1.0})
 
 
 def runs(names=DESIGNS, bounds=None):
-    """Return the responses of the paper's controllers by name and step; PI takes 300 time units."""
+    """Return the responses by name and step. PI takes 300 time units."""
     ends = {"PI": 300.0}
     return {
         (name, step): sampled(DESIGNS[name].loop(), step, bounds, ends.get(name, 60.0))
@@ -59,7 +59,7 @@ def runs(names=DESIGNS, bounds=None):
 
 
 def excess(response, step):
-    """Return the movement of y and u beyond their ideal shape, a monotonic step or one pulse as in (24)."""
+    """Return the movement of y and u beyond a monotonic step or one pulse, as in (24)."""
     if step == "setpoint":
         found = response.tv("y", final=1.0) - 1.0, response.tv1("u", final=0.0)
     else:
@@ -68,21 +68,21 @@ def excess(response, step):
 
 
 def shapes(runs, *names):
-    """Return the excess of y and u and the change of each signal, for both steps."""
+    """Return the excess and the change of y and u, for both steps."""
     found = {}
     for name, step in product(names, STEPS):
         r = runs[name, step]
         of_y = 1.0 if step == "setpoint" else np.max(np.abs(r.y))
         changes = of_y, np.ptp(np.append(r.u, 0.0))
         for signal, e, size in zip("yu", excess(r, step), changes, strict=True):
-            # below a billionth of the change an excess is rounding
+            # A smaller excess is rounding.
             e = e if e > 1e-9 * size else 0.0
             found[f"{name}, {signal} after the {step}"] = e, size
     return found
 
 
 def beyond(response, step):
-    """Return the overshoot after a set-point step, or the undershoot after a load, in units of y."""
+    """Return the overshoot after a set-point step, or the undershoot after a load step."""
     return max(0.0, response.y.max() - 1.0 if step == "setpoint" else -response.y.min())
 
 
@@ -100,7 +100,7 @@ def setting_at(spot):
 def portrait(
     points, step="load", h=T_S, delay=1.0, end=60.0, spare=SPARE, n=4, filter_time=0.2
 ):
-    """Return the portrait of settings (kappa, tau_D, tau_A, tau_i), each with its prefilter (20)."""
+    """Return the portrait of settings as in `point`, each with its prefilter (20)."""
     kappa, td, ta, ti = np.moveaxis(np.asarray(points, float), -1, 0)
     held = pidalab.SeriesPIDA(1.0, 1.0, 1.0, 1.0, filter_time, n)
     T = 1.0 + n * filter_time
@@ -112,14 +112,14 @@ def portrait(
 
 
 def worst(p, step="load"):
-    """Return the larger excess of y and u in a portrait; the ideal y after a set-point step is a monotonic step."""
+    """Return the larger excess of y and u in a portrait."""
     of_y = p.tv1_y if step == "load" else p.tv_y + np.abs(1.0 - p.y_end) - 1.0
     return np.maximum(of_y, p.tv1_u)
 
 
 @dataclass(frozen=True)
 class Series(Controller):
-    """Stabilising controller of any degree with automatic reset; gains from the lowest power upwards."""
+    """Stabilising controller of any degree with automatic reset. The gains ascend in powers of s."""
 
     stabiliser: tuple[float, ...]
     ti: float
@@ -140,10 +140,10 @@ class Series(Controller):
 
 
 def higher(m, n, te=0.8, delay=1.0, real=False):
-    """Return the loop of PID^m of the multiple pole with Q_n, T_f = te/n, and its fastest zero as reset.
+    """Return the loop of PID^m of the multiple pole with Q_n and T_f = te/n. The fastest zero gives T_i.
 
-    If that zero is one of a complex pair, both become real first, as in (26) to (29). With
-    `real` the fastest real zero becomes the reset instead.
+    If this zero is complex, its pair becomes real first, as in (26) to (29). With `real` the fastest real zero is
+    taken instead.
     """
     numerator, T = mrdp.constants(m).numerator, 1.0 + te
     zeros = np.roots(numerator).astype(complex)
@@ -171,8 +171,7 @@ def behind(lag, filter_time):
 def dryer(gain, delay, rise=4.0, sensor=10.0, transport=5.0):
     """Return a simulated dryer from V to K, and the T_f with which its tangent is the model (32).
 
-    The final rise in K/V, the lag of the sensor and the transport delay are assumed. The slow
-    lag and T_f follow.
+    The final rise in K/V, the lag of the sensor and the transport delay are assumed.
     """
     slow, filter_time, t = 5000.0, 15.0, np.linspace(0, 1500, 15001)
     for _ in range(8):
@@ -190,7 +189,7 @@ LID = np.where(CLOCK < 6000, 0.0, -6.0)  # V, a load as if a lid were opened
 
 
 def dryer_record(process, seed):
-    """Return times, and a step to 12 V as a rise in K, with noise and resolution."""
+    """Return times and the rise in K after a step to 12 V, with noise and resolution."""
     t = CLOCK[:6001]
     noise = pidalab.uniform_noise(t, 0.3, seed=seed)
     noise[0] = 0.0
@@ -215,7 +214,7 @@ def dryer_runs(process, filter_time, gain, delay):
 
 
 def draw_dryer(process, filter_time, gain, delay):
-    """Draw a step to 12 V with its model, as Fig. 5; heating and a load, as Fig. 6."""
+    """Draw Figs 5 and 6: a step to 12 V with its model, heating and a load."""
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 4.8))
     (first, *views), spans = axes.flat, ((0, 10000), (3400, 5000), (5900, 7400))
     t, y = dryer_record(process, seed=2024)

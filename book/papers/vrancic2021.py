@@ -1,4 +1,4 @@
-"""vrancic2021: processes, designs, rivals and figures that the pages of the paper share."""
+"""Processes, designs, rivals and figures for the pages on vrancic2021."""
 
 import control
 import matplotlib.pyplot as plt
@@ -15,7 +15,7 @@ T_S = 0.002  # sample time of Sections 3 and 4, s
 P = {
     1: pidalab.lags(4),  # (18)
     2: pidalab.lags(2, delay=0.5),  # (18)
-    # The process for which Tables 3 to 5 were computed. (33) prints another one.
+    # the process of Tables 3 to 5; (33) prints another one
     3: pidalab.lags(3, delay=0.5),
     4: pidalab.lags(3, delay=1.0),  # (38)
     5: pidalab.Process([6.0], np.poly([-1, -2, -3])),  # (39)
@@ -32,7 +32,7 @@ REPEATED = "table4.n4", "table5.m3"  # Both repeat table3.khf10.
 
 
 def designed(g: int, m: int, n: int, noise_gain: float) -> pidalab.Loop:
-    """Return the loop of a design of Tables 3 to 6. T_F starts at 0.1 and is corrected four times."""
+    """Return a loop of Tables 3 to 6. T_F starts at 0.1 and is corrected four times."""
     design = mo.tune_for_noise(P[g], m, n, noise_gain, T_S, first=0.1, updates=4)
     return design.loop(P[g])
 
@@ -45,7 +45,7 @@ def example(g: int, m: int) -> pidalab.Loop:
     return mo.tune(P[g], m, m, 0.1).loop(P[g])
 
 
-# %% Section 5: controllers of the other methods, and magnitude optima with the same filters
+# %% Section 5: rivals, and magnitude optima with the same filters
 FILTER_47 = control.tf([1.0], [5.26e-5, 0.0132, 1.0])
 RIVAL = {5: "Lurang", 6: "Jung", 7: "Puangdownreong"}
 RIVAL_GAINS = {
@@ -57,18 +57,18 @@ SHORT = {5: 0.01, 6: 0.005}  # T_F of cases 1 and 2
 
 
 def with_filter_47(gains: tuple[float, ...]) -> control.TransferFunction:
-    """Return a controller with the gains K_-1, K_0, ... and the filter of case 3."""
+    """Return a controller with the gains K_-1, K_0, ... and the filter (47)."""
     return FILTER_47 * control.tf(gains[::-1], [1.0, 0.0])
 
 
 def gains_48() -> tuple[float, ...]:
-    """Return the gains of PID_2^2 for G_P7 with the filter of case 3."""
+    """Return the gains of PID_2^2 for G_P7 with the filter (47)."""
     known = areas.from_process(P[7], 8)
     return tuple(mo.gains(areas.with_filter(known, FILTER_47), m=2).tolist())
 
 
 def contest(g: int) -> dict[str, pidalab.Loop]:
-    """Return the loops that Section 5 compares on G_P5, G_P6 or G_P7. The rival is the last one."""
+    """Return the loops that Section 5 compares on G_P5, G_P6 or G_P7, the rival last."""
     if g == 7:
         found = {
             "PID₂²": with_filter_47(gains_48()),
@@ -117,9 +117,9 @@ def draw(
     noise: float = 0.0,
     spans: tuple[tuple[float, float], ...] | None = None,
 ) -> Figure:
-    """Draw outputs and, below them, control signals of `both_steps`. Each title has a column with its time span.
+    """Draw y above u of `both_steps`, a column for each title and time span.
 
-    The bands show two standard deviations of u. `noise` is the standard deviation of the measurement noise.
+    Bands show two standard deviations of u if the measurement noise has the standard deviation `noise`.
     """
     shape = {"sharex": "col", "sharey": "row", "squeeze": False, "figsize": (6.4, 3.6)}
     figure, axes = plt.subplots(2, len(columns), **shape)
@@ -145,7 +145,7 @@ def draw(
 
 
 def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
-    """Draw both steps of the rows of a table, enlarged, with a measurement noise of 0.01."""
+    """Draw both steps of the rows of a table, enlarged, with bands for a noise of 0.01."""
     words = {row: WORDS[f"{number}.{row}"].replace("K_HF", "$K_{HF}$") for row in rows}
     loops = {words[row]: loop for row, loop in rows.items()}
     columns, spans = {"set-point step": loops, "load step": loops}, ((0, 5), (15, 20))
@@ -153,7 +153,7 @@ def enlarged(number: str, rows: dict[str, pidalab.Loop]) -> Figure:
 
 
 def draw_contest(g: int, u_until: float) -> Figure:
-    """Draw the output left and the control signal right, with the set-point step above the load step."""
+    """Draw y left and u right, the set-point step above the load step."""
     t, loops = np.linspace(0, 4, 8001), contest(g)
     figure, axes = plt.subplots(2, 2, figsize=(6.4, 3.9))
     step = {x: pidalab.step_response(smooth(C, 0.01), t) for x, C in loops.items()}
@@ -172,12 +172,12 @@ def draw_contest(g: int, u_until: float) -> Figure:
 
 # %% Names
 def label(m: int, n: int) -> str:
-    """Return the name of a PID with m derivatives and a filter of order n, for tables and figures."""
+    """Return the name of a PID with m derivatives and a filter of order n."""
     return f"PID{'₀₁₂₃₄₅₆'[n]}{'⁰¹²³⁴'[m]}"
 
 
 def title(key: str) -> str:
-    """Return the name of a row of Tables 3 to 6, for tables and figures."""
+    """Return the name of a row of Tables 3 to 6."""
     _, m, n, noise_gain = CASES[key]
     return f"{label(m, n)}, noise gain {noise_gain}"
 
@@ -187,7 +187,7 @@ def plant(g: int) -> str:
     return f"Gₚ{'₁₂₃₄₅₆₇'[g - 1]}"
 
 
-# %% The notation of the paper for the names in the ledger
+# %% The paper's notation for names in the ledger
 WORDS = {f"{x}{k}": f"{x.upper()}{'₀₁₂₃₄₅₆₇₈₉'[k]}" for x in "ak" for k in range(10)}
 WORDS |= {"km1": "K₋₁", "tf": "T_F", "sigma": "σ_rel", "ms": "M_S", "gp6": plant(6)}
 WORDS |= {key: label(m, n) for key, (_, m, n, _) in CASES.items()}

@@ -33,7 +33,7 @@ class Ledger:
     rows : sequence of Row
         The rows of the file.
     page : str, optional
-        The notebook that uses the ledger. By default the chapter, which is named after the paper.
+        The notebook that uses the ledger, by default the chapter, which is named after the paper.
     words : mapping of str to str, optional
         The paper's notation for ids or parts of ids. The labels in the table of `compare` use it.
 
@@ -100,7 +100,7 @@ class Ledger:
             Key of the paper, such as ``haalman2024``.
         page : str, optional
             The notebook that opens the ledger, as a path below ``book`` without suffix, such as ``audit/haalman2024``.
-            By default the chapter, which is named after the paper. `close` checks the rows of the given page.
+            By default the chapter. `close` checks the rows of this page.
         folder : path, optional
             Folder of the csv files. By default ``book/ledger``, searched upward from the current directory.
         words : mapping of str to str, optional
@@ -144,8 +144,8 @@ class Ledger:
         Returns
         -------
         pandas.DataFrame
-            Entries ``printed / computed``. The last part of an id selects the column, and the parts before it
-            select the row. A mark shows the verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read,
+            Entries ``printed / computed``. The last part of an id is the column, and the parts before it are the row.
+            A mark shows the verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read,
             and ``†`` differs.
 
         Raises
@@ -190,7 +190,7 @@ class Ledger:
         Parameters
         ----------
         id : str
-            An id without the key of the paper. Any other label is returned unchanged.
+            An id without the key of the paper. Other labels are returned unchanged.
 
         Returns
         -------
@@ -227,7 +227,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            If a side is not a number of the kind that the relation compares, or as in `compare`.
+            As in `compare`, or if a side is not a number of the kind that the relation compares.
 
         Examples
         --------
@@ -434,7 +434,7 @@ class Ledger:
         Parameters
         ----------
         *prefixes : str
-            Beginnings of ids, without the key of the paper. By default all rows are shown.
+            Beginnings of ids, by default all ids.
 
         Returns
         -------

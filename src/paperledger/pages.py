@@ -188,7 +188,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
     Parameters
     ----------
     path : path
-        A file with one block from ``<!-- score -->`` to ``<!-- /score -->``.
+        A file with a block from ``<!-- score -->`` to ``<!-- /score -->``.
     folder : path, optional
         As in `load_all`.
 

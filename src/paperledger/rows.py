@@ -62,11 +62,11 @@ class Row:
     id : str
         Permanent id: lower-case words with dots, the first of which is the key of the paper.
     where : str
-        Place in the paper where the number or statement is printed.
+        Place in the paper.
     quantity : str
         Name of the quantity, with its unit.
     printed : str
-        The printed number, digit for digit. For a statement, a short paraphrase.
+        The printed number, digit for digit, or a paraphrase of the statement.
     computed : str, optional
         The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if not yet computed or settled by
         reading.
@@ -75,7 +75,7 @@ class Row:
     basis : str, optional
         One of `BASES`.
     page : str, optional
-        The notebook that passes the row, as a path below ``book`` without suffix. Empty if settled by reading.
+        The notebook that passes the row, as in `Ledger.open`. Empty if settled by reading.
     made : str, optional
         Settings that were fitted to printed numbers, and why the value does not change with the library.
     relation : str, optional
@@ -109,7 +109,7 @@ class Row:
 
     @property
     def is_statement(self) -> bool:
-        """True if the paper prints words instead of a number. The quantity is then ``statement``."""
+        """True if the paper prints words, not a number. The quantity is then ``statement``."""
         return self.quantity == "statement"
 
     @property

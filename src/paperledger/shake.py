@@ -198,7 +198,7 @@ class Shaker:
         return through
 
     def kept_exact(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Wrap a function, such as a constructor or an operator, so that all calls inside it are exact."""
+        """Wrap a function so that all calls inside it are exact."""
 
         @wraps(function)
         def within(*args: Any, **options: Any) -> Any:
@@ -229,7 +229,7 @@ class Shaker:
                     setattr(module, name, wrapped.setdefault(id(value), self.perturbed(value)))
 
     def _wrap_class(self, kind: type) -> None:
-        """Wrap the public methods and properties of a class. Keep its constructor and operators exact."""
+        """Wrap the public methods and properties of a class, and keep its constructor and operators exact."""
         for name, value in [*vars(kind).items()]:
             new: Any = None
             if name.startswith("_") and name != "__call__":
@@ -369,7 +369,7 @@ def _starts_clean(row: Row) -> bool:
 
 
 def judge(row: Row, new: Row, shaker: Shaker) -> str:
-    """Return an error text for a row of a changed run, or an empty text if the row is in order.
+    """Return the error of a row in a changed run, or an empty text if the row is in order.
 
     Parameters
     ----------

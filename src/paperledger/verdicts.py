@@ -298,7 +298,7 @@ class Relation:
         Parameters
         ----------
         text : str
-            Left name, sign and right name. Two entries may follow, each after ``|``: a convention, and one of ``some``,
+            Left name, sign and right name. These may follow, each after ``|``: a convention, and one of ``some``,
             ``holds for: ex1; ex2`` and ``fails for: ex3``.
 
         Returns
@@ -350,7 +350,7 @@ class Relation:
         Parameters
         ----------
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Both sides for each case, or both sides of a single case. For an identity, residuals or a single residual.
+            Both sides of each case, or of a single case. For an identity, residuals.
         digits : int, optional
             Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
@@ -378,7 +378,7 @@ class Relation:
         if self.is_identity:
             return self._residual([float(plain(value)) for value in named.values()])
         pairs = {_name(key): _pair(value) for key, value in named.items()}
-        if self.convention in ("settled", "identical"):  # compare distances to either side
+        if self.convention in ("settled", "identical"):  # compare distances, whatever their sign
             pairs = {name: (abs(left), abs(right)) for name, (left, right) in pairs.items()}
         if self.parts:
             return self._in_part(pairs, digits, strict)
@@ -457,7 +457,7 @@ class Evidence:
     right : str
         The right number with its digits.
     remark : str, optional
-        Number of cases, name of the decisive case, and range of the ratio of both sides.
+        Number of cases, name of the decisive case, and range of left / right.
     but : Evidence, optional
         For a statement that holds in part, the inequality that fails, which follows `` || `` in the row.
 

@@ -20,9 +20,9 @@ from pidalab.robustness import max_control_sensitivity
             0.0,
         ),  # integral action: 1/P(0)
         (pidalab.Loop(pidalab.lags(1), pidalab.PIDA(2.0, math.inf, 1.0, n=10.0)), 22.0, math.inf),
-        # with a zero of the plant at 0 the integral grows without bound
+        # If the plant has a zero at 0, the integral grows without bound.
         (pidalab.Loop(pidalab.Process([1.0, 0.0], [1.0, 2.0, 1.0]), pidalab.PIDA(0.5, 1.0)), math.inf, 0.0),
-        # the filter integrates, the controller does not
+        # The filter integrates, and the controller does not.
         (pidalab.Loop(pidalab.lags(1), 0.2, control.tf([0.1, 1.0], [1.0, 0.0])), 1.0, 0.0),
     ],
     ids=["zero", "infinity", "zero at zero", "filter"],
@@ -34,7 +34,7 @@ def test_ends_of_the_axis(loop, mks, at):
 
 
 DENSE = {
-    # a long dead time makes many peaks, and the highest one is not the highest on a coarse grid
+    # A long dead time makes many peaks. On a coarse grid another one is the highest.
     "ripples": (
         pidalab.Loop(
             pidalab.Process([0.4], [1.0], delay=8.2),
@@ -43,15 +43,15 @@ DENSE = {
         np.linspace(1.0, 20.0, 200_001),
     )
 }
-# one of the first of thousands of peaks is the highest, below the corner frequency of the lag
+# Of thousands of peaks an early one is the highest, below the corner frequency of the lag.
 for delay in (1e3, 1e5):
     loop = pidalab.Loop(pidalab.fopdt(1.0, 1.0, delay), pidalab.HighOrderPID([0.0, 0.3], 0.1, 1))
     DENSE[f"far longer than the lag, {delay:g}"] = loop, np.linspace(0.1, 60.0, 120_001) / delay
-# |L| never falls below 0.1, and one of the first peaks, where it is 0.3, is the highest
+# |L| never falls below 0.1. An early peak, where |L| is 0.3, is the highest.
 for delay in (10.0, 1e4):
     loop = pidalab.Loop(pidalab.Process([0.3, 1.0], [1.0, 1.0], delay), 0.3)
     DENSE[f"as loud far out, {delay:g}"] = loop, np.linspace(0.1, 60.0, 120_001) / delay
-# a band-pass in positive feedback: L reaches -k between two points of the grid
+# A band-pass in positive feedback: L reaches -k between two grid points.
 for gain in (0.5, 2.0, 8.0):
     band = control.tf([0.5 * gain, 0.0], [1.0, 0.5, 1.0])
     loop = pidalab.Loop(pidalab.Process([-1.0], [0.003, 1.0]), band)

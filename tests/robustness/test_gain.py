@@ -26,7 +26,7 @@ def test_gain_for_ms_is_the_largest_gain_with_that_ms(process, controller, ms):
 
 
 def test_an_unstable_plant_takes_the_larger_of_two_gains():
-    """2/(s - 1) e^{-0.1 s} under P control needs a gain above 1/2; Ms falls from infinity there and rises again."""
+    """Under P control 2/(s - 1) e^{-0.1 s} needs a gain above 1/2. There Ms falls from infinity, and rises again."""
     plant = Process([2.0], [1.0, -1.0], 0.1)
     k = gain_for_ms(Loop(plant, 1.0), 1.6)
     assert pidalab.max_sensitivity(Loop(plant, k))[0] == pytest.approx(1.6, rel=1e-9)
@@ -36,7 +36,7 @@ def test_an_unstable_plant_takes_the_larger_of_two_gains():
 @pytest.mark.parametrize(
     ("process", "expected"),
     [
-        # with dead time |S| comes to 1/(1 - k |P(inf)|) at infinite frequency, without it to 1/(1 + k P(inf))
+        # At infinite frequency |S| has the peaks 1/(1 - k |P(inf)|) with dead time, and 1/(1 + k P(inf)) without.
         (Process([1.0, 0.2], [1.0, 1.0], delay=1.0), 0.5),
         (Process([-0.4, -0.2], [0.1, 1.0], delay=0.3), 0.5 / 4),
         (Process([-1.0, 1.0], [1.0, 1.0]), 0.5),  # ill-posed at k = 1
@@ -46,7 +46,7 @@ def test_an_unstable_plant_takes_the_larger_of_two_gains():
 )
 @pytest.mark.filterwarnings("error")
 def test_gain_of_a_biproper_loop(process, expected):
-    """Compare with the closed form if Ms lies at infinite frequency, otherwise with a search over a dense grid."""
+    """Compare with the closed form if Ms lies at infinite frequency, otherwise with a search on a dense grid."""
     k = gain_for_ms(Loop(process, 1.0), 2.0)
     if expected is None:
         w = np.append(np.geomspace(1e-3, 1e3, 200_001), np.linspace(0.0, 60.0, 200_001))
@@ -57,7 +57,7 @@ def test_gain_of_a_biproper_loop(process, expected):
 
 
 def test_bandwidth_in_closed_form():
-    """T = 1/(tau s + 1) falls by 3 dB at sqrt(10^0.3 - 1)/tau; a static T never falls."""
+    """T = 1/(tau s + 1) falls by 3 dB at sqrt(10^0.3 - 1)/tau. A static T never falls."""
     assert pidalab.bandwidth(Loop(pidalab.ipdt(1.0, delay=0.0), 0.5)) == pytest.approx(
         0.5 * np.sqrt(10**0.3 - 1), rel=1e-12
     )
@@ -72,6 +72,6 @@ def test_bandwidth_of_a_loop_with_dead_time_by_a_dense_grid():
 
 
 def test_a_dead_time_of_many_lags_has_the_gain_of_a_dead_time_alone():
-    """k e^(-s L)/(s + 1), L long: |S| is largest near the first turn, where the lag hardly begins: Ms = 1/(1 - k)."""
+    """With long L, k e^(-s L)/(s + 1) has its peak of |S| near the first turn, where the lag hardly acts."""
     k = gain_for_ms(Loop(pidalab.fopdt(1.0, lag=1.0, delay=1e4), 1.0), 1.6)
     assert k == pytest.approx(1 - 1 / 1.6, rel=1e-6)

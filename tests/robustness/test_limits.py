@@ -1,4 +1,4 @@
-"""Check circle and Popov criterion by closed forms, the controllers of huba2024 and the oracle."""
+"""Check circle and Popov criterion."""
 
 import dataclasses
 import math
@@ -22,7 +22,7 @@ def design(setting, n=4, te=0.8, **options):
 
 @pytest.mark.parametrize("order", range(2, 8))
 def test_circle_criterion_of_equal_lags(order):
-    """With ω = tan φ the real part is cos^n φ cos nφ, and least at φ = π/(n + 1)."""
+    """With ω = tan φ the real part is cos^n φ cos nφ, with the minimum at φ = π/(n + 1)."""
     result = circle(pidalab.Loop(pidalab.lags(order, lag=3.0), 0.7))
     assert result.margin == pytest.approx(1 - 0.7 * math.cos(math.pi / (order + 1)) ** (order + 1), abs=1e-12)
     assert 3 * result.frequency == pytest.approx(math.tan(math.pi / (order + 1)), rel=1e-5)
@@ -60,7 +60,7 @@ def test_limit_at_zero_frequency(name, n, weight):
 
 
 def test_a_criterion_that_holds_implies_linear_stability():
-    """Gains from 0 to 1 are in the sector, so neither criterion may hold for an unstable loop."""
+    """The sector has the gains from 0 to 1, so neither criterion may hold for an unstable loop."""
     rng = np.random.default_rng(5)
     unstable = 0
     for _ in range(40):
@@ -95,7 +95,7 @@ def gains_stay(setting, n):
 @pytest.mark.parametrize("family", [retuned, gains_stay])
 @pytest.mark.parametrize("setting", [reset.PPM_PIDA, reset.PIDA_1, reset.PIDA_2], ids=lambda x: x.name)
 def test_smallest_filter(family, setting):
-    """The criterion holds above the border only. The linear loop is stable with an even shorter filter."""
+    """The criterion holds only above the limit. The linear loop is stable with an even shorter filter."""
     loops = family(setting, 4)
     border = smallest_filter_time(loops, lambda loop: circle(loop).holds, longest=0.2)
     assert [circle(loops(x * border)).holds for x in (0.999, 1.0, 1.001, 1.2, 2.0)] == [
@@ -110,7 +110,7 @@ def test_smallest_filter(family, setting):
 
 @pytest.mark.parametrize("gain", [1.0, -1.0])
 def test_the_residue_of_an_inverse_response_is_taken_at_zero_frequency(gain):
-    """P = k (1 - s/2) e^(-s/2)/(s (s + 1)) begins the other way; a gain of 0.2/k stabilises it."""
+    """P = k (1 - s/2) e^(-s/2)/(s (s + 1)) first moves the other way. A gain of 0.2/k stabilises it."""
     process = pidalab.Process([-0.5 * gain, gain], [1.0, 1.0, 0.0], 0.5)
     assert circle(pidalab.Loop(process, 0.2 / gain)).holds
     with pytest.raises(ValueError, match="positive residue"):
@@ -129,7 +129,7 @@ def test_smallest_filter_time_searches_three_decades(longest):
 
 
 def test_short_filter():
-    """|F| has a peak of several hundred, around which the phase makes thousands of turns."""
+    """Around a peak of |F| of several hundred the phase makes thousands of turns."""
     loop = pidalab.Loop(UNIT, pidalab.SeriesPIDA(0.1, 0.2, 0.05, 0.5, filter_time=1e-3, filter_order=2))
     result = circle(loop)
     w = result.frequency + np.linspace(-20.0, 20.0, 400_001)
@@ -137,7 +137,7 @@ def test_short_filter():
     assert result.margin < -20
 
 
-# Compare criteria of absolute stability and the shortest filter with the oracle, to the documented digits.
+# Compare with the oracle, to the documented digits.
 
 FILE = oracle("limits.json")
 
@@ -166,7 +166,7 @@ def test_popov(case):
 
 
 def test_smallest_filter_time():
-    """The filter of a derivative becomes too short. The border is accurate to 6 digits, as documented."""
+    """The filter of a derivative becomes too short. The limit is accurate to 6 digits, as documented."""
     case = FILE["filter"]
     process = pidalab.Process(case["process"]["num"], case["process"]["den"], case["delay"])
 

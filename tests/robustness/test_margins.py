@@ -17,7 +17,7 @@ from pidalab.robustness.in_z import axis_of
 
 @pytest.mark.parametrize("damping", [0.01, 0.3, 0.5])
 def test_gain_that_just_touches_one(damping):
-    """The peak of |L| is 1.0001. The two crossovers are closer than grid points, and still bound the delay."""
+    """The peak of |L| is 1.0001. Both crossovers lie between two grid points, and still determine the delay margin."""
     peak = 1 / (2 * damping * math.sqrt(1 - damping**2))
     loop = Loop(pidalab.sopdt(1.0001 / peak, 1.0, damping, 0.3), 1.0)
     result = margins(loop)
@@ -28,7 +28,7 @@ def test_gain_that_just_touches_one(damping):
 
 
 def test_margins_of_an_unstable_loop():
-    """e^(-s)/s under the gain 2: L is real and negative at pi/2 and 5 pi/2, with moduli 4/pi and 4/(5 pi)."""
+    """L = 2 e^(-s)/s is real and negative at pi/2 and 5 pi/2, with moduli 4/pi and 4/(5 pi)."""
     result = margins(Loop(pidalab.ipdt(1.0, 1.0), 2.0))
     assert not result.stable
     assert result.unstable_poles == 2
@@ -66,9 +66,9 @@ def drawn_loop(rng):
 
 
 def test_margins_of_loops_with_fast_filters():
-    """Of 150 loops with N and M up to 500, some have |L| above 1 while the dead time turns the phase a million times.
+    """Some of 150 loops have |L| above 1 while the dead time turns the phase a million times.
 
-    Each turn adds two poles to such a loop. So the number of poles is twice the number of turns, except for a few.
+    Each turn adds two poles, so except for a few the number of poles is twice the number of turns.
     """
     rng, loud = np.random.default_rng(5), 0
     for _ in range(150):
@@ -155,7 +155,7 @@ def test_stable_loops_with_zeros_and_poles_where_a_logarithm_or_a_quotient_fails
 
 
 def test_a_loop_that_is_real_along_the_whole_axis_has_no_phase_crossover():
-    """The imaginary part of 1/(s^2 + 1) is rounding error, so a change of its sign is not a crossover."""
+    """The imaginary part of 1/(s^2 + 1) is rounding error, whose changes of sign are not crossovers."""
     real = Loop(Process([1.0], np.convolve([1.0, 0.0, 1.0], [1.0, 0.0, 2.0])), 0.3)
     assert pidalab.phase_crossovers(real).size == 0
     assert pidalab.phase_crossovers(Loop(Process([1.0], [1.0, 0.0, 1.0]), 0.3)).size == 0
@@ -176,7 +176,7 @@ def test_a_constant_gain_of_one_has_no_crossover():
 
 
 def test_all_phase_crossovers_of_a_dead_time_of_many_lags():
-    """Half a gain, a lag of 1 and a dead time of 1000: L is real and negative where 1000 w + atan(w) = (2 k + 1) pi."""
+    """L = e^(-1000 s)/(2 (s + 1)) is real and negative where 1000 w + atan(w) = (2 k + 1) pi."""
     crossovers = pidalab.margins(pidalab.Loop(pidalab.fopdt(1.0, 1.0, 1000.0), 0.5)).phase_crossovers
     expected = (2 * np.arange(5000) + 1) * np.pi / 1000.0
     for _ in range(20):
@@ -225,6 +225,5 @@ def test_margins(case):
         assert getattr(result, name) == pytest.approx(float(true[name]), rel=1e-9), name
     for name, tolerance in PLACES.items():
         assert getattr(result, name) == pytest.approx(float(true[name]), rel=tolerance, nan_ok=True), name
-    # no crossover is missing, and none is added
     for name in {"gain_crossovers", "phase_crossovers"} & set(true):
         np.testing.assert_allclose(getattr(result, name), np.array(true[name], float), rtol=1e-9)

@@ -39,7 +39,7 @@ def test_critical_gain_of_integrator_and_dead_time(delay):
     assert unstable_poles(Loop(pidalab.ipdt(1.0, delay), 5.01 * critical)) == 4  # next pair crosses at 5 pi/2
     assert unstable_poles(Loop(pidalab.ipdt(1.0, delay), 8.99 * critical)) == 4
     assert unstable_poles(Loop(pidalab.ipdt(-1.0, delay), critical)) == 1
-    result = margins(Loop(pidalab.ipdt(1.0, delay), 0.5 / delay))  # all in closed form
+    result = margins(Loop(pidalab.ipdt(1.0, delay), 0.5 / delay))
     assert (result.gm, result.pm, result.dm) == pytest.approx(
         (np.pi, np.degrees(np.pi / 2 - 0.5), (np.pi - 1) * delay)
     )
@@ -88,7 +88,7 @@ def test_rightmost_poles_of_an_integrator_are_lambert_w(gain):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_rightmost_poles_of_random_loops(seed):
-    """The poles solve the characteristic equation, and the number of unstable poles matches the argument principle."""
+    """The poles solve the characteristic equation, and their number matches the argument principle."""
     loop = random_loop(seed)
     poles = pidalab.rightmost_poles(loop, count=10)
     assert poles.size in (10, 11)
@@ -107,7 +107,7 @@ def test_rightmost_poles_without_dead_time():
 
 
 def test_rightmost_poles_of_a_neutral_loop():
-    """Right of the chain at log(0.5) poles are separate. The chain itself has no rightmost pole."""
+    """The poles right of the chain at log(0.5) are separate. The chain has no rightmost pole."""
     neutral = Loop(Process([0.5, 1.0], [1.0, 1.0], delay=1.0), 1.0)
     poles = pidalab.rightmost_poles(neutral)
     assert np.abs(1 + neutral.L(poles)) == pytest.approx(0, abs=1e-10)
@@ -132,7 +132,7 @@ def test_a_closed_loop_pole_at_the_origin_is_unstable(process):
 
 @pytest.mark.parametrize(("order", "lag"), [(5, 1.0), (20, 60.0), (30, 60.0), (60, 1.0), (100, 1.0)])
 def test_many_equal_lags_without_dead_time_have_their_closed_loop_poles(order, lag):
-    """(lag s + 1)^n = -k has its roots on a circle around -1/lag."""
+    """The roots of (lag s + 1)^n = -k lie on a circle around -1/lag."""
     poles = pidalab.rightmost_poles(Loop(pidalab.lags(order, lag), 0.5), count=4)
     turns = np.exp(1j * np.pi * np.array([1, -1, 3, -3]) / order)
     np.testing.assert_allclose(poles * lag, 0.5 ** (1 / order) * turns - 1, atol=1e-12)
@@ -140,7 +140,7 @@ def test_many_equal_lags_without_dead_time_have_their_closed_loop_poles(order, l
 
 @pytest.mark.parametrize("gain", [3.162, 2.0])
 def test_a_lag_that_the_controller_cancels_stays_a_pole(gain):
-    """The zero of the controller is exactly the pole of the process, where L is 0/0."""
+    """At the pole of the process, a zero of the controller, L is 0/0."""
     filter_time = 0.0033541565443812476
     loop = Loop(pidalab.fopdt(gain, 10.0, 0.0), PIDA(47.1438244290703, 10.0), control.tf(1, [filter_time, 1]))
     others = np.roots([filter_time, 1.0, 4.71438244290703 * gain])
@@ -164,7 +164,7 @@ def test_a_cluster_far_to_the_left_does_not_hide_the_others():
 @pytest.mark.parametrize("delay", [1e-3, 1e-9])
 @pytest.mark.parametrize("seed", range(6))
 def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
-    """The poles are those of the loop without dead time, each once."""
+    """The poles are those of the loop without dead time."""
     loop = random_loop(seed, delay=False)
     short = Loop(Process(loop.process.num, loop.process.den, delay * 1e-2), loop.controller)
     expected = pytest.approx(pidalab.rightmost_poles(loop, count=4), abs=1e-9 + 5 * delay, rel=1e-6 + delay)
@@ -173,12 +173,12 @@ def test_rightmost_poles_with_hardly_any_dead_time(seed, delay):
 
 @pytest.mark.parametrize("delay", [10.0, 30.0, 50.0, 300.0])
 def test_rightmost_pole_of_an_unstable_process_with_long_dead_time(delay):
-    """A pole of s^2 - 1 + 2 e^{-s delay} is near 1 - e^{-delay}. There the feedback is as small as rounding."""
+    """A pole of s^2 - 1 + 2 e^{-s delay} is near 1 - e^{-delay}, where the feedback is as small as rounding."""
     loop = Loop(Process([2.0], [1.0, 0.0, -1.0], delay), 1.0)
     assert pidalab.rightmost_poles(loop) == pytest.approx([1 - math.exp(-delay)], abs=1e-7)
 
 
-# Compare unstable poles, and the limits of stability in gain and dead time, with the oracle.
+# Compare unstable poles and limits of stability with the oracle.
 
 CASES = oracle("margins.json")["cases"]
 

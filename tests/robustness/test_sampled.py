@@ -50,7 +50,7 @@ def test_poles_outside_the_unit_circle(name, gain):
 
 @pytest.mark.parametrize("gain", [0.5, 1.5, 2.0, -0.5])
 def test_every_margin_of_a_sampled_lag_in_closed_form(gain):
-    """1/(s + 1) behind a hold: L = K (1 - a)/(z - a), a = e^-h; S and T are largest at an end."""
+    """A held 1/(s + 1) has L = K (1 - a)/(z - a) with a = e^-h. S and T are largest at an end."""
     h = 0.8
     a = math.exp(-h)
     b = gain * (1 - a)

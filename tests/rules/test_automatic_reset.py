@@ -34,7 +34,7 @@ def test_closed_form_of_pid():
 
 
 def test_closed_form_of_pida():
-    """The numerator 8/3 + 8x + 3x² + x³/3 is with x = y - 3 the cubic y³ - 3y - 10, solved by Cardano."""
+    """With x = y - 3 the numerator 8/3 + 8x + 3x² + x³/3 becomes y³ - 3y - 10, solved by Cardano."""
     assert numerator(reset.MRDP_PIDA) == pytest.approx(np.exp(-2) * np.array([1 / 3, 3, 8, 8 / 3]), rel=1e-13)
     y = sum((5 + sign * 2 * math.sqrt(6)) ** (1 / 3) for sign in (-1, 1))
     assert reset.MRDP_PIDA.ti == pytest.approx(1 / (3 - y), rel=1e-13)
@@ -42,7 +42,7 @@ def test_closed_form_of_pida():
 
 
 def test_quintuple_pole():
-    """All derivatives of eq. (13) up to the fourth vanish at -2/T_d, in 40 digits; the fifth does not."""
+    """All derivatives of eq. (13) up to the fourth vanish at -2/T_d, in 40 digits. The fifth does not."""
     design = reset.tune(pidalab.ipdt(0.5, delay=2.0), reset.MRDP_PIDA, n=2, filter_time=1.0, weight=0)
     with mpmath.workdps(40):
 
@@ -98,7 +98,7 @@ def test_prefilter_that_cancels_a_pole():
 
 @pytest.mark.parametrize("setting", reset.SETTINGS.values(), ids=reset.SETTINGS)
 def test_loops_are_stable_and_keep_their_filter(setting):
-    """Equations (10) and (11), and the filter as a part of the model (sec. 3.1)."""
+    """Check equations (10) and (11), and the filter as a part of the model (sec. 3.1)."""
     for weight in (1.0, 0.5):
         design = reset.tune(UNIT, setting, n=4, filter_time=0.2, weight=weight, limits=(-0.1, 0.1))
         assert (design.te, design.delay) == pytest.approx((0.8 * weight, 1.0 + 0.8 * weight))

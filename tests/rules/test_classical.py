@@ -1,4 +1,4 @@
-"""Check SIMC, AMIGO, lambda tuning, Chien-Hrones-Reswick and Ziegler-Nichols by published examples and closed forms."""
+"""Check SIMC, AMIGO, lambda tuning, Chien-Hrones-Reswick and Ziegler-Nichols."""
 
 from functools import reduce
 
@@ -12,7 +12,7 @@ from pidalab.rules.classical import simc
 
 @pytest.mark.parametrize("gain", [1.0, -0.25])
 def test_ultimate_rule_of_an_integrator_with_dead_time(gain):
-    """Under a gain K it oscillates at pi/(2 L) with K k L = pi/2."""
+    """With K k L = pi/2 the loop oscillates at pi/(2 L)."""
     design = classical.ziegler_nichols_ultimate(pidalab.ipdt(gain, delay=2.0), "PI")
     assert design.ultimate_gain == pytest.approx(np.pi / 4 / gain)
     assert design.ultimate_period == pytest.approx(8.0)
@@ -62,7 +62,7 @@ def test_rules_match_their_printed_formulas(rule, model, kind, expected):
 
 @pytest.mark.parametrize("kind", ["PI", "PID"])
 def test_closed_loop_time_adds_to_the_dead_time(kind):
-    """The PID cancels the lag of an integrator, the PI adds half of it to the dead time."""
+    """The PID cancels the lag of an integrator. The PI adds half of it to the dead time."""
     model = pidalab.Process([0.5], [3.0, 1.0, 0.0], delay=1.0)
     design = classical.simc(model, kind, closed_loop_time=0.25)
     delay = 1.0 if kind == "PID" else 1.0 + 3.0 / 2
@@ -131,10 +131,10 @@ SKOGESTAD = {  # the fifteen examples of Skogestad (2003)
 @pytest.mark.parametrize("kind", ["PI", "PID"])
 @pytest.mark.parametrize("name", SKOGESTAD)
 def test_simc_takes_all_examples_of_its_author(name, kind):
-    """A closed-loop time is given for two lags alone, which have no effective dead time."""
+    """Two lags alone have no effective dead time, so they get a closed-loop time."""
     wanted = 0.1 if (name, kind) == ("E1", "PID") else None
     design = simc(SKOGESTAD[name], kind, closed_loop_time=wanted, n=1e4)
-    # the author does not print the PID for E13, which has an Ms of 2.9
+    # The author does not print the PID for E13, whose Ms is 2.9.
     assert 1.0 < design.ms < (3.0 if (name, kind) == ("E13", "PID") else 2.01)
 
 
@@ -152,7 +152,7 @@ def test_simc_takes_all_examples_of_its_author(name, kind):
     ],
 )
 def test_zeros_in_the_left_half_plane(name, kind, gain, lags, delay):
-    """Compare with the models that the author prints, quoted from memory: his table is not at hand.
+    """Compare with the models that the author prints, quoted from memory because his table is not at hand.
 
     The PI model of E6 is not among them. The half rule gives it the dead time 1.188; the printed value may be 1.69, the
     sum of all its lags.
@@ -166,22 +166,22 @@ def test_zeros_in_the_left_half_plane(name, kind, gain, lags, delay):
 @pytest.mark.parametrize(
     ("leads", "lags", "delay", "gain"),
     [
-        ([3.0], [2.5], 1.0, 3.0 / 2.5),  # T1: the zero is the slower, both slower than the dead time
-        ([3.0], [2.5], 2.8, 3.0 / 2.8),  # T1a: the dead time lies between them
-        ([3.0], [2.5], 4.0, 1.0),  # T1b: it is longer than both
+        ([3.0], [2.5], 1.0, 3.0 / 2.5),  # T1: zero slower than lag, lag slower than dead time
+        ([3.0], [2.5], 2.8, 3.0 / 2.8),  # T1a: the dead time lies between lag and zero
+        ([3.0], [2.5], 4.0, 1.0),  # T1b: the dead time is longer than both
         ([3.0], [4.0], 0.5, 3.0 / 4.0),  # T2: the dead time is short
         ([2.0], [8.0], 1.0, 5.0 / 8.0),  # T3: the lag is more than five times as long, and 3 of it are left
     ],
 )
 def test_a_zero_cancels_a_lag_nearby(leads, lags, delay, gain):
-    """The gain that remains is read from another, much slower lag."""
+    """The remaining gain is read from another, much slower lag."""
     design = simc(of_times(1.0, leads, [*lags, 1e3], delay), "PID")
     assert (design.gain, design.lags[0], design.delay) == pytest.approx((gain, 1e3, delay), rel=1e-9)
     assert design.lags[1:] == pytest.approx([3.0] if leads == [2.0] else [])
 
 
 def test_a_dead_time_alone_gets_an_integral_controller():
-    """1/(K (tau_c + theta)) over s: L = e^(-s theta)/(2 theta s), whose Ms is 1.59."""
+    """The controller 1/(K (tau_c + theta) s) gives L = e^(-s theta)/(2 theta s), whose Ms is 1.59."""
     design = simc(of_times(2.0, [], [], 3.0), "PI")
     assert design.controller(0.1j) == pytest.approx(1 / (2.0 * 6.0 * 0.1j))
     assert design.ms == pytest.approx(1.59049, rel=1e-5)
@@ -195,7 +195,7 @@ def test_two_integrators():
 
 
 def test_improved_simc():
-    """A third of the dead time as derivative, in series form: kc (1 + 1/(ti s)) (1 + td s)."""
+    """The derivative time is a third of the dead time, in series form: kc (1 + 1/(ti s)) (1 + td s)."""
     design = classical.improved_simc(pidalab.fopdt(2.0, 4.0, 1.5), closed_loop_time=1.0, n=1e6)
     s = 0.7j
     assert design.controller(s) == pytest.approx(4 / (2 * 2.5) * (1 + 1 / (4 * s)) * (1 + 0.5 * s), rel=1e-5)

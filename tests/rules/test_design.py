@@ -1,4 +1,4 @@
-"""Check the Design that each rule returns: its loop, its attributes, and that it is immutable and can be copied."""
+"""Check the Design that a rule returns: loop, attributes, copies, and that it is immutable."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""Compare the direct ITAE rules and the refitted factors with the optima stored by studies/itae_optima.py."""
+"""Compare the direct ITAE rules and the refitted factors with the optima of studies/itae_optima.py."""
 
 import csv
 import math
@@ -32,7 +32,7 @@ def itae_of(kind, r, xi, controller, end=100.0):
 
 
 def validation(kind, bound):
-    """Yield ratio, damping, optimal controller and its ITAE for every fourth model that is not used in the fit."""
+    """Yield ratio, damping, optimal controller and its ITAE for every fourth model that the fit did not use."""
     rows = [
         row for row in OPTIMA if (row["role"], row["kind"], row["ms_bound"]) == ("validation", kind, bound)
     ]
@@ -90,7 +90,7 @@ def test_rules_are_robust_in_the_whole_range(rule, bound):
 
 @pytest.mark.parametrize("xi", [0.5, 1.0, 1.8])
 def test_setpoint_cancels_the_poles(xi):
-    """With hardly any filter the open loop is 0.722 (1 + 0.36 theta s) e^(-theta s)/(theta s)."""
+    """With a short filter L is near 0.722 (1 + 0.36 theta s) e^(-theta s)/(theta s)."""
     model, s = pidalab.sopdt(2.0, 3.0, xi, 1.5), np.array([0.1j, 1.0j])
     loop = model(s) * direct.setpoint(model, alpha_d=1e-6, alpha_a=1e-6)(s)
     assert loop == pytest.approx(0.722 * (1 + 0.36 * 1.5 * s) * np.exp(-1.5 * s) / (1.5 * s), rel=1e-4)

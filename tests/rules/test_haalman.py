@@ -28,7 +28,7 @@ KEYS = [(name, ms) for name in MODELS for ms in (1.4, 2.0)]
 
 @pytest.mark.parametrize("key", KEYS, ids=str)
 def test_times_cancel_the_poles(tuned, key):
-    """Without its filters the controller times the model is kp K/(ti s) e^{-Ls}: an integrator and a dead time."""
+    """Without the filters L is kp K/(ti s) e^{-Ls}, an integrator with dead time."""
     C, model, s = tuned[key], MODELS[key[0]], np.array([0.3 + 0.7j, 2.0 - 1.0j, 0.01j])
     ki, kp, kd, ka = C.gains()
     np.testing.assert_allclose(
@@ -65,7 +65,7 @@ def test_integrator_with_dead_time_in_closed_form():
 
 
 def test_the_ms_of_a_design_is_that_of_its_loop(tuned):
-    """The output filter raises it. The value asked for is `ms_asked`."""
+    """The output filter raises Ms. The requested value is `ms_asked`."""
     design = haalman.tune(pidalab.lags(3, delay=1.0), ms=1.4)
     assert design.ms_asked == 1.4
     assert design.ms == pidalab.margins(design.loop()).ms > 1.5
@@ -75,9 +75,9 @@ def test_the_ms_of_a_design_is_that_of_its_loop(tuned):
 
 @pytest.mark.parametrize("unit", [1e-6, 1e-9, 1e-10])
 def test_short_lags_keep_their_digits(unit):
-    """The filter time is ta/m, and ta is the square of a time. For lags of 1e-9 the filter is 3e-11 of them."""
+    """The filter time is ta/m, and ta is a time squared. For lags of 1e-9 the filter time is 3e-11 of the lags."""
     areas = []
-    for lag, m in ((unit, 10), (1.0, 1e7)):  # the second filter is 3e-8 of its lags
+    for lag, m in ((unit, 10), (1.0, 1e7)):  # the second filter time is 3e-8 of the lags
         process = pidalab.lags(3, lag=lag, delay=lag)
         loop = Loop(process, haalman.tune(process, ms=1.6, m=m).controller)
         areas.append(pidalab.step_response(loop, np.linspace(0.0, 40.0 * lag, 4001)).iae() / lag)

@@ -1,4 +1,4 @@
-"""Check the explicit ITAE rule: all branches of its tables, the range, filters and given factors."""
+"""Check the explicit ITAE rule: tables, range, filters and given factors."""
 
 from collections.abc import Callable
 
@@ -41,7 +41,7 @@ def test_branches_that_no_example_reaches():
 
 @pytest.mark.parametrize("rule", [name for name in RULES if name != "imc_pid"])
 def test_models_in_the_range_have_a_controller(rule):
-    """The loops are stable, except those of the PIDA rule for loads with short dead times."""
+    """The loops are stable, except with the PIDA rule for loads and short dead times."""
     for xi in (0.3, 0.6, 1.0, 1.5, 2.0):
         for r in (0.1, 0.2, 0.4, 0.8, 1.3, 2.0):
             controller = RULES[rule](unit(r, xi))
@@ -86,7 +86,7 @@ def test_imc_is_the_pid_of_rivera_with_a_quarter_of_the_dead_time():
 
 
 def test_given_factors():
-    """The factors of Table 1 change nothing. With f_d = 0 the PID part is that of the PID table."""
+    """The factors of Table 1 change nothing. With f_d = 0 the PID part follows the PID table."""
     model = unit(0.4, 0.7)
     for rule, pid in ((itae.pida_setpoint, itae.pid_setpoint), (itae.pida_load, itae.pid_load)):
         assert rule(model, factors=itae.factors(model)) == rule(model)

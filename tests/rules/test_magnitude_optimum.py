@@ -65,7 +65,7 @@ def test_integral_of_the_error():
 def test_gains_from_a_record(process, lags, delay, length):
     """A step recorded every 0.002 gives the gains of Table 2 to the printed digits, without a model.
 
-    The record has all its digits: t^8/8! makes the fourth decimal of the gains of PID_3^3 from an error of 1e-13 in y.
+    The record needs all digits: because of t^8/8!, an error of 1e-13 in y changes the fourth decimal of the gains.
     """
     t = TS * np.arange(round(length / TS) + 1)
     y = gammainc(lags, np.clip(t - delay, 0, None))  # step response of equal lags
@@ -84,7 +84,7 @@ def record_areas(values, error):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_uncertainty_of_gains_follows_from_that_of_areas(seed):
-    """Compare with finite differences. A gain with an uncertainty above 100 % is refused."""
+    """Compare with finite differences. Gains with an uncertainty above 100 % are refused."""
     values, m, n, time = areas.from_process(G2, 8), 2, 3, 0.2
     error = 1e-7 * np.random.default_rng(seed).normal(size=8)
     up, down = (np.array(mo.tune(values + sign * error, m, n, time).gains) for sign in (0.5, -0.5))
@@ -126,7 +126,7 @@ def test_estimate_written_out():
 
 
 def test_noise_gain_of_a_lag():
-    """Noise through a sampled lag with pole a has the variance (1 - a)/(1 + a). The second one has a direct part."""
+    """After a sampled lag with pole a, noise has the variance (1 - a)/(1 + a). The second case has a direct part."""
     a = math.exp(-0.1)
     loop = pidalab.Loop(pidalab.Process([0.0], [1.0]), control.tf([1.0], [1.0, 1.0]))
     assert pidalab.noise_gain(loop, 0.1) == pytest.approx(math.sqrt((1 - a) / (1 + a)), rel=1e-10)
@@ -143,6 +143,6 @@ def test_exact_noise_gain():
 
 
 def test_the_noise_of_the_filter_is_not_that_of_the_loop():
-    """The filter has the noise gain asked for by the paper's equation. That of the loop differs."""
+    """By the paper's equation the filter has the requested noise gain. The loop has another one."""
     design = mo.tune_for_filter_noise(pidalab.lags(3, delay=0.5), 2, 4, 10.0, TS)
     assert 1e-3 < abs(pidalab.noise_gain(design.loop(), TS) / 10.0 - 1) < 0.1

@@ -48,7 +48,7 @@ def test_pole_has_multiplicity_m_plus_3(m):
 
 @pytest.mark.parametrize(("m", "n"), [(m, n) for m in range(6) for n in (m + 1, m + 3)])
 def test_filter_ratio_puts_both_poles_at_the_same_place(m, n):
-    """At p_o T_f / T_e the derivative of order m + 2 of s^2 (s + 1)^n vanishes, and nowhere nearer to 0."""
+    """The derivative of order m + 2 of s^2 (s + 1)^n vanishes at p_o T_f / T_e, and nowhere nearer to 0."""
     derivative = np.polyder(np.convolve([1.0, 0.0, 0.0], np.poly(-np.ones(n))), m + 2)
     pole = mrdp.filter_ratio(m, n) * mrdp.constants(m).pole
     assert -1 < pole < 0
@@ -109,7 +109,7 @@ each_case = pytest.mark.parametrize("case", ORACLE["cases"], ids=lambda case: ca
 @each_case
 @pytest.mark.parametrize("points", [2, 14, 401], ids=lambda n: f"{n}points")
 def test_engine(case, points):
-    """Errors are at most 1e-9, relative to the scales of test_exact, at times aligned with the dead time or not.
+    """Errors are at most 1e-9 of the scales of test_exact, at times aligned with the dead time or not.
 
     One loop grows in bursts that a coarse grid misses. Its values would have no digits, so they are refused.
     """

@@ -1,4 +1,4 @@
-"""Check the registry: one entry makes a rule known to tune, compare, report and the command line."""
+"""Check the registry: an entry makes a rule known to tune, compare, report and the command line."""
 
 import csv
 

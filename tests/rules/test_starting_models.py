@@ -9,7 +9,7 @@ from pidalab.rules.models import StartingModels
 
 
 def test_reaction_curve_of_two_equal_lags():
-    """1/(s + 1)^2: the tangent at t = 1 has the slope 1/e and meets the level of rest at 3 - e."""
+    """The tangent at t = 1 of 1/(s + 1)^2 has the slope 1/e and meets the level of rest at 3 - e."""
     model = StartingModels(pidalab.lags(2, delay=0.5)).reaction
     reached = 2.146193  # (1 + t) exp(-t) = 1/e
     assert model.delay == pytest.approx(0.5 + 3 - np.e, rel=1e-4)

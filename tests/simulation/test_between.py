@@ -41,7 +41,7 @@ def test_each_time_ends_a_grid(case, points):
 @pytest.mark.parametrize(
     ("process", "controller", "time", "grids"),
     [
-        # the peak of u is 1e4 to 3e5 times y, and 50 to 280 times faster than the plant
+        # The peak of u is 1e4 to 3e5 times y, and 50 to 280 times faster than the plant.
         (
             Process([3.6], [1, 1, 0], 0.0625),
             PIDA(3.72, 0.905, 0.349, 0.0489, n=32.7, m=13.7),
@@ -54,7 +54,7 @@ def test_each_time_ends_a_grid(case, points):
             0.773,
             (2, 23, 301),
         ),
-        # the time is not a multiple of the dead time
+        # The time is not a multiple of the dead time.
         (
             Process([-0.163, 0.323], [1, 1], 4.937),
             PIDA(-0.0569, 19.9, 0.304, 2.59, n=173.0, m=65.2),
@@ -80,7 +80,6 @@ def test_fast_and_loud_controllers_keep_their_digits(process, controller, time, 
     ids=["series", "unstable lag", "feeds back much"],
 )
 def test_a_peak_behind_a_high_order_filter_comes_back(process, controller, time):
-    """After a filter of higher order the peak has no jump, but is as high."""
     loop = Loop(process, controller)
     for points in (2, 301):
         assert_exact(loop, time, points, exact(loop, time, 200))
@@ -91,10 +90,10 @@ FLANK = Loop(lags(3, delay=1.0), PIDA(1.0, 3.0, 1.0, 0.3, n=10, m=1e9))
 
 @pytest.mark.parametrize("constants", [15.0, 45.0])
 def test_the_decay_of_a_short_peak(constants):
-    """The time is some time constants of a filter of 3e-10 after a dead time, when the peak decays."""
+    """The time is some filter times (3e-10) after a dead time, when the peak decays."""
     time = 1.0 + 3e-10 * constants
     u = unit_step_responses(FLANK, np.array([0.0, time]), "r")[0, 2, -1]
-    # rounding of the time, 1e-16, is 3e-7 of the filter time
+    # Rounding of the time, 1e-16, is 3e-7 of the filter time.
     assert u == pytest.approx(exact(FLANK, time, 200)["setpoint.u"], rel=3e-6)
 
 
@@ -117,7 +116,7 @@ def test_just_at_a_dead_time_the_filter_has_not_moved(multiple):
         (ipdt(2.79, 0.817), PIDA(-0.0283, 6.18, 0.71, 0.01065, n=58.7, m=3.54e9), 1.5, 5),
         (Process([0.336, 1.526], [1, 0, 0]), PIDA(0.0376, 0.35, 0.0968, 0.03, n=5.7e7, m=3.2e9), 6.4, 401),
         (ipdt(2.0, 0.3), HighOrderPID([1.0, 1.0, 0.2, 0.03], filter_time=6e-5, filter_order=2), 3.0, 400),
-        # the value is 0.9 between bursts of 1e14
+        # The value is 0.9 between bursts of 1e14.
         (Process([1.0], [1.0, 1.0], 0.41), PIDA(0.12, 0.8, 0.25, 0.02, n=20, m=50), 13.36, 5),
     ],
     ids=["between the times", "no number", "closed by large numbers", "loud filter", "bursts"],

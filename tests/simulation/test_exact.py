@@ -30,7 +30,7 @@ def held(seed, n=TIME.size, every=7):
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_held_inputs_are_superposed_steps(name):
-    """Each change of a held input is a step at that sample; steps of all inputs add up."""
+    """Each change of a held input is a step. Steps of all inputs add up."""
     inputs = {"setpoint": held(1), "load": held(2), "noise": held(3, every=1)}
     expected = np.zeros((3, TIME.size))
     for key, values in inputs.items():
@@ -56,7 +56,7 @@ def test_against_python_control_without_delay(source):
     r = simulate(loop, t, **{{"r": "setpoint", "d": "load", "n": "noise"}[source]: held(4, t.size)})
     for system, got in ((to_y, r.y), (to_u, r.u)):
         values = held(4, t.size)
-        discrete = control.ss(system).sample(t[1], "zoh")  # exact for a held input
+        discrete = control.ss(system).sample(t[1], "zoh")
         expected = control.forced_response(discrete, t, values).outputs
         np.testing.assert_allclose(got, expected, atol=1e-8 * np.abs(expected).max())
 
@@ -121,13 +121,13 @@ def test_a_short_dead_time_is_followed():
 def test_a_loop_far_faster_than_its_plant_keeps_its_digits(quick):
     t = np.linspace(0.0, 60.0, 241)
     controller = PIDA(0.5 / quick, 8.0 * quick)
-    # without dead time the loop is of second order, in units of `quick`
+    # Without dead time the loop is of second order, in units of `quick`.
     a, b = 0.5 * (quick + 0.5), 0.0625
     w = np.sqrt(complex(a**2 - b))
     shape = np.cosh(w * t) + (a - 0.5) * np.sinh(w * t) / w
     y = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, 0.0), controller), quick * t).y
     np.testing.assert_allclose(y, 1.0 - np.exp(-a * t) * shape.real, atol=1e-11)
-    # with dead time the loop is close to that of an integrator
+    # With dead time the loop is close to that of an integrator.
     y = pidalab.step_response(Loop(pidalab.fopdt(1.0, 1.0, quick), controller), quick * t).y
     integrator = Loop(pidalab.ipdt(1.0, 1.0), PIDA(0.5, 8.0))
     np.testing.assert_allclose(y, pidalab.step_response(integrator, t).y, atol=20 * quick + 1e-11)

@@ -24,7 +24,7 @@ def test_noise_is_held_bounded_and_reproducible():
 
 
 def test_noise_gain_is_of_linear_loops():
-    """Limits have no effect, and an automatic reset counts as an integrator."""
+    """Limits have no effect. An automatic reset counts as an integrator."""
     series = pidalab.SeriesPIDA(0.3, 0.1, 0.0, 1.5, 0.1, 2)
     loop = Loop(pidalab.ipdt(1.0, delay=0.37), series)
     limited = dataclasses.replace(loop.controller, limits=(-0.1, 0.1))
@@ -49,7 +49,7 @@ def test_noise_gain_of_a_lag_in_closed_form(kp, h):
 
 
 def test_noise_gain_without_a_process():
-    """Noise passes the controller directly. A controller without gain passes none."""
+    """Noise passes through the controller directly, or not at all without gain."""
     late = pidalab.Process([0.0], [1.0, 1.0])
     assert pidalab.noise_gain(Loop(late, 3.0), 0.1) == 3.0
     assert pidalab.noise_gain(Loop(pidalab.fopdt(1.0, 1.0, 0.5), 0.0), 0.1) == 0.0

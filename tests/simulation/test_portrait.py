@@ -1,4 +1,4 @@
-"""Check portraits: every measure is that of a single simulation, with any executor."""
+"""Check portraits: measures match single simulations, with any executor."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor
@@ -24,7 +24,7 @@ GRID = {
 
 
 def expected(record, y_end, u_end):
-    """Return the measures of a record by `Response` up to its end, since some sets diverge."""
+    """Return the measures of a record by `Response` up to its end, since some responses diverge."""
     end, measures = record.t[-1], {}
     for name in ("y", "u"):
         x, last = getattr(record, name), {"y": y_end, "u": u_end}[name]
@@ -68,7 +68,7 @@ def test_measures_are_those_of_the_response(scene):
 
 
 def test_an_error_that_dips_below_zero_between_two_samples_counts():
-    """Between t = 52.5 and 53 it falls from 1.8 to -0.05, and ends above 0."""
+    """Between t = 52.5 and 53 the error falls from 1.8 to -0.05, and ends above 0."""
     process, t, limits = Process([1.0], [1.0, 0.4, 1.0]), 0.5 * np.arange(200), (-1e5, 1e5)
     loop = Loop(process, SeriesPIDA(0.4141294824294266, 0.0, 0.0, 2.463764864097676, 1.0, 0, limits=limits))
     record = simulate_sampled(loop, t, setpoint=1e4)
@@ -105,7 +105,7 @@ def test_prefilters_that_differ():
     "c", [(1.0, -1.9, 1.0), (1.0, -2.1, 1.0), (-0.2, 1.1, 0.0), (0.3, -0.2, -0.9), (0.1, -1.0, 1.9)]
 )
 def test_integral_of_the_absolute_value_of_a_parabola(c):
-    """It may have roots between 0 and 1."""
+    """The parabola may have roots between 0 and 1."""
     h, start, s = 0.1, 3.0, np.linspace(0.0, 1.0, 200_001)
     e, when = np.polynomial.polynomial.polyval(s, c), start + h * s
     more, weighted = (np.trapezoid(abs(f), s) - abs(np.trapezoid(f, s)) for f in (e, when * e))
@@ -120,7 +120,7 @@ def assert_same_bits(first, second):
 
 @pytest.fixture(scope="module")
 def many():
-    """Return many sets of parameters, some of which diverge, and their portrait."""
+    """Return many sets of parameters, some with diverging responses, and their portrait."""
     rng = np.random.default_rng(2)
     sets = {
         "kp": rng.uniform(0.05, 0.3, 500),

@@ -12,7 +12,7 @@ from pidalab.simulation.realisation import cut_at_delay
 
 
 def as_loops(value, done):
-    """Return a compiled function as plain Python, together with all functions that it calls."""
+    """Return a compiled function and all functions that it calls as plain Python."""
     if not isinstance(value, Kernel):
         return value
     if id(value) not in done:
@@ -29,7 +29,7 @@ FEW = [case for case in oracle("delay_loops.json")["cases"] if case["delay"]][::
 @pytest.mark.parametrize("form", ["arrays", "loops"])
 @pytest.mark.parametrize("case", FEW, ids=lambda case: case["name"])
 def test_both_plain_forms_give_the_response(case, form):
-    """The form with array operations and the form with loops match the engine, which is compared with the oracle."""
+    """Forms with array operations and with loops match the engine, which is compared with the oracle."""
     cut = cut_at_delay(oracle_loop(case), "rd")
     step, n = case["delay"] / 3.7, 23
     arguments = (cut, step, n, ladder._intervals(cut, n, step), ladder.norm_over(cut, n, step))

@@ -32,7 +32,7 @@ LOOPS = {
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_first_order_convergence_to_the_continuous_loop(name):
-    """Half the sample time gives half the error in y, u and the area, also if samples and dead time are not aligned."""
+    """Half the sample time halves the error in y, u and the area, also if samples and dead time are not aligned."""
     errors = []
     for fineness in (20, 40, 80):
         t = np.linspace(0.0, 12.0, 60 * fineness + 1)
@@ -56,7 +56,7 @@ def test_static_plant_with_dead_time_repeats_the_controller():
 
 @pytest.mark.parametrize("ratio", [1e-3, 0.1, 1.0, 20.0, 1e4], ids="{}_samples".format)
 def test_filter_of_sixth_order_is_its_closed_form(ratio):
-    """The output is a sum of derivatives of the gamma distribution. The filter time is `ratio` samples."""
+    """The output is a sum of derivatives of the gamma distribution."""
     h, gains, n = 0.02, [0.5, 2.0, 1.3, 0.7, 0.2, 0.05], 6
     time = ratio * h
     t = h * np.arange(4000)
@@ -94,7 +94,7 @@ def test_equal_speeds_are_a_process():
     "limits", [(-math.inf, math.inf), (0.0, 0.6), (-0.5, 0.0)], ids=["free", "up", "down"]
 )
 def test_closed_loop_event_by_event(samples, limits):
-    """An asymmetric plant with feedthrough and a PI is integrated by Runge-Kutta steps between changes of the input."""
+    """A PI loop with feedthrough is integrated by Runge-Kutta steps between changes of the input."""
     h, n, rng = 0.4, 50, np.random.default_rng(7)
     direct = 0.2 if samples else control.tf([0.2], [0.5, 1.0])
     plant = AsymmetricPlant(control.tf([1.2], [0.7, 1.0]), 0.9, 2.5, direct, samples * h)
@@ -172,7 +172,7 @@ def test_responses(case):
     ids=lambda case: case["name"],
 )
 def test_a_continuous_controller_is_discretised_for_held_inputs(case):
-    """It matches the digital controller of the method zoh."""
+    """The loop matches the digital controller of the method zoh."""
     loop, t = sampled_oracle_loop(case, digital=False), case["sample_time"] * np.arange(case["samples"])
     response = pidalab.simulate_sampled(loop, t, setpoint=1.0)
     true = np.array(case["values"]["setpoint.y"], float)

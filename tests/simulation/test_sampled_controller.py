@@ -1,4 +1,4 @@
-"""Check automatic reset, anti-windup, quantisation and pulses of the sampled simulation by hand and by the oracle."""
+"""Check automatic reset, anti-windup, quantisation and pulses of the sampled simulation."""
 
 import json
 import math
@@ -41,7 +41,7 @@ def test_limited_reset_approaches_the_continuous_loop(name):
 
 
 def test_reset_by_hand():
-    """A plain loop has all parts: filter of third order, fractional dead time, limits, quanta, load and noise."""
+    """A simple loop has all parts: filter of third order, fractional dead time, limits, quanta, load and noise."""
     h, n, time, ti, quanta, limits, delay = 0.05, 160, 0.2, 0.9, (0.01, 0.004), (-0.31, 0.27), 0.123
     kp, kd, ka = 0.5, 0.4, 0.05
     rng = np.random.default_rng(3)
@@ -85,7 +85,7 @@ def test_limits_of_controller_and_actuator_both_hold():
     assert (held.u.min(), held.u.max()) == pytest.approx((-0.05, 0.2), rel=1e-12)
 
 
-# A PI controller that sees the set point alone: kp = 1, ki h = 1/4, limits -1.5 and 1.5, errors 1 six times, then -1.
+# A PI controller without feedback: kp = 1, ki h = 1/4, limits -1.5 and 1.5, errors 1 six times, then -1.
 WINDUP = {
     None: [1.0, 1.25, 1.5, 1.5, 1.5, 1.5, 0.5, 0.25],
     "clamping": [1.0, 1.25, 1.5, 1.5, 1.5, 1.5, -0.25, -0.5],
@@ -102,7 +102,7 @@ def test_windup_by_hand(way, sign):
 
 
 def test_conditioned_pi_controller_is_automatic_reset():
-    """With equal coefficients the two are the same recurrence, also at the limits."""
+    """With equal coefficients both have the same recurrence, also at the limits."""
     h, kp, ti, limits = 0.05, 0.7, 1.5, (-0.2, 0.25)
     process, t = pidalab.ipdt(1.0, 0.4), h * np.arange(800)
     inputs = {"setpoint": 1.0, "load": np.where(t < 20.0, 0.0, 0.15)}
@@ -114,7 +114,7 @@ def test_conditioned_pi_controller_is_automatic_reset():
 
 
 def test_quantisation_by_hand():
-    """An integrator is under P control. 2.5 quanta are rounded to 2, and the measurement has its own quantum."""
+    """An integrator has P control. 2.5 quanta are rounded to 2. The measurement has another quantum."""
     loop = Loop(pidalab.ipdt(1.0, 0.0), 0.5)
     out = simulate_sampled(loop, np.arange(5.0), 1.25, quanta=(0.0, 0.25))
     assert out.u.tolist() == [0.5, 0.5, 0.0, 0.0, 0.0]  # 2.5, 1.5 and 0.5 quanta

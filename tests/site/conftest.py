@@ -12,7 +12,7 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# No other host has an address, so that a request for one is noticed and fails.
+# No other host has an address, so that requests to other hosts fail.
 ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",  # otherwise it emulates a graphics card
@@ -26,7 +26,7 @@ FORGET = (
 
 
 def toc_pages(toc: Path) -> list[str]:
-    """Return every page of a table of contents, in its order."""
+    """Return the pages of a table of contents, in its order."""
 
     def walk(node):
         if isinstance(node, list):
@@ -83,7 +83,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def tab(browser):
-    """Return one tab for all tests of a file: opening a tab takes longer than loading a page."""
+    """Return one tab for all tests of a file, since opening a tab takes longer than loading a page."""
     context = browser.new_context()
     yield context.new_page()
     context.close()
@@ -91,9 +91,9 @@ def tab(browser):
 
 @pytest.fixture
 def visit(browser, tab):
-    """Return a function that opens a page, and returns it with the growing list of what goes wrong on it.
+    """Return a function that clears storage and opens a page. It returns the page and the growing list of its errors.
 
-    Storage is cleared before. A second page opens in a new tab, so that the first stays open.
+    A second page opens in a new tab, so that the first page stays open.
     """
     opened, heard = [], []
 
@@ -120,7 +120,7 @@ def visit(browser, tab):
         listen(page, "request", stays_here)
         listen(page, "console", complains)
         listen(page, "pageerror", lambda error: wrong.append(f"script: {error}"))
-        page.set_default_timeout(120_000)  # a long page of formulas on a busy machine
+        page.set_default_timeout(120_000)  # for a long page of formulas on a busy machine
         page.goto(url, wait_until="load")
         page.wait_for_function(TYPESET)
         return page, wrong

@@ -1,4 +1,4 @@
-"""Use the lab as a reader does, and read what it shows."""
+"""Use the lab as a reader does."""
 
 COLUMNS = (
     "() => [...document.querySelectorAll('.lab-table tbody tr:has(th)')]"
@@ -35,12 +35,12 @@ def follow(page, state):
 
 
 def wait_for_columns(page, wanted, of=""):
-    """Wait until the table of the lab has these numbers; `of` maps its rows to them."""
+    """Wait until the table of the lab has these numbers. `of` maps its rows to numbers."""
     page.wait_for_function(f"() => ({COLUMNS})(){of} === {wanted}")
 
 
 def three_kinds(page):
-    """Take PI, PID and PIDA by the rule that is chosen; return the rows of the table."""
+    """Take PI, PID and PIDA by the chosen rule, and return the rows of the table."""
     press(page, "PI, PID and PIDA by this rule")
     wait_for_columns(page, 3, ".length")
     return page.evaluate(COLUMNS)

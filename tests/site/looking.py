@@ -7,13 +7,13 @@ WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 TYPESET = "() => !document.querySelector('script[src*=mathjax]') || window.MathJax?.startup?.promise?.then(() => true)"
 
-# Findings of axe-core that come from other tools: the rule, and a mark of the element.
+# Findings of axe-core that other tools cause: rule, and a mark of the element.
 ACCEPTED = [
     ("empty-table-header", "data-maths"),  # a formula, see below
     ("aria-allowed-role", "doc-biblioentry"),  # docutils' markup of a bibliography entry
     ("aria-deprecated-role", "doc-biblioentry"),
     ("aria-required-children", "citation-list"),
-    ("region", "logo__title"),  # the theme's book name stands outside its landmarks
+    ("region", "logo__title"),  # the book name is outside the landmarks of the theme
 ]
 
 # Formulas left as source: delimiters or environments in the visible text outside code.
@@ -34,7 +34,7 @@ RAW_MATHS = r"""() => {
 
 OVERFLOW = "() => document.scrollingElement.scrollWidth - document.scrollingElement.clientWidth"
 
-# Formulas must not be tab stops, and a fold's button must say what it unfolds.
+# Formulas must not be tab stops, and the button of a fold must say what it unfolds.
 HINDRANCES = """() => {
   const all = (selector) => [...document.querySelectorAll(selector)], found = [];
   if (all("mjx-container[tabindex]").length) found.push("formulas are stops of the Tab key");
@@ -54,8 +54,8 @@ HINDRANCES = """() => {
   return found;
 }"""
 
-# Figures on a small screen, those in folds, too: words below 9 px (an index is a part of its word), and what is cut or
-# scrolls. A picture's words are read from its file.
+# Figures on a small screen, also in folds: words below 9 px (an index is a part of its word), and parts that are cut or
+# scroll. The words of a picture are read from its file.
 FIGURES = """async () => {
   const shut = [...document.querySelectorAll("main details:not([open])")], found = [];
   shut.forEach((fold) => { fold.open = true; });
@@ -85,7 +85,7 @@ FIGURES = """async () => {
   return found;
 }"""
 
-# Tables, those in folds too, that do not fit a wide screen.
+# Tables that do not fit a wide screen, also in folds.
 WIDE_TABLES = """() => {
   const shut = [...document.querySelectorAll("main details:not([open])")];
   shut.forEach((fold) => { fold.open = true; });
@@ -99,7 +99,7 @@ WIDE_TABLES = """() => {
 
 WORDLESS = "() => [...document.images].filter(i => !i.alt.trim() && !i.closest('a, button')).map(i => i.src)"
 
-# Transitions would show colours between two themes, and widths between two screens.
+# During transitions, colours and widths would be intermediate.
 STILL = "* { transition: none !important }"
 # axe-core does not check text on a gradient, such as that of scrolling tables.
 PLAIN = "* { background-image: none !important }"
@@ -109,7 +109,7 @@ IN_THEME = "(theme) => { document.documentElement.dataset.theme = theme }"
 
 
 def problems(page: Page) -> list[str]:
-    """List raw formulas, images without words, nameless folds and overflow."""
+    """List raw formulas, images without words, folds without names, and overflow."""
     wrong = [f"maths left raw: {text}" for text in page.evaluate(RAW_MATHS)]
     wrong += [f"image without alt text: {source}" for source in page.evaluate(WORDLESS)]
     wrong += page.evaluate(HINDRANCES)
@@ -119,10 +119,10 @@ def problems(page: Page) -> list[str]:
 
 
 def accessibility_problems(page: Page, **options) -> list[str]:
-    """List the findings of axe-core outside formulas and code, less the accepted ones."""
+    """List findings of axe-core outside formulas and code, except accepted findings."""
     if not page.evaluate("() => 'axe' in window"):
         page.evaluate(Axe().axe_script)
-    # axe-core does not read formulas, so a table head that is a formula seems empty.
+    # axe-core does not read formulas, so a formula in a table head seems empty.
     page.evaluate(
         "() => document.querySelectorAll('th:has(mjx-container)').forEach((x) => { x.dataset.maths = 1; })"
     )
@@ -137,7 +137,7 @@ def accessibility_problems(page: Page, **options) -> list[str]:
 
 
 def layout_problems(page: Page) -> list[str]:
-    """List what is wrong with a page, narrow and wide, apart from its colours."""
+    """List problems of a page, narrow and wide, except those of colours."""
     page.add_style_tag(content=STILL)
     page.set_viewport_size(NARROW)
     wrong = [f"narrow: {problem}" for problem in problems(page) + page.evaluate(FIGURES)]
@@ -148,7 +148,7 @@ def layout_problems(page: Page) -> list[str]:
 
 
 def contrast_problems(page: Page) -> list[str]:
-    """List texts too pale, and links too like the text around them, in light and in the dark."""
+    """List texts that are too pale, and links too similar to their text, in light and dark mode."""
     page.add_style_tag(content=STILL + PLAIN)
     wrong = []
     for theme in ("light", "dark"):

@@ -1,4 +1,4 @@
-"""Read numbers and lines of the plots in the lab and live figures, and turn their knobs."""
+"""Read numbers and lines of plots in the lab and live figures, and turn their knobs."""
 
 import json
 import re
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 BLOCK = 200_000  # distances computed at once
-STEP = 0.2  # between the points of a curve, in the units of the picture, far below what the tests ask for
+STEP = 0.2  # between points of a curve, in units of the picture, far below the tolerances of tests
 PLOTS = r"""host => [...host.querySelectorAll(".lab-plots svg")].map(svg => ({
   title: svg.querySelector(".lab-title").textContent, said: svg.getAttribute("aria-label"),
   frame: ["x", "y", "width", "height"].map(key => svg.querySelector("clipPath rect")[key].baseVal.value),
@@ -27,7 +27,7 @@ class Axis:
     places: np.ndarray
 
     def log(self) -> bool:
-        """Return True if the axis is logarithmic. Neighbours on a linear axis differ by at most a factor of 2."""
+        """Return True if the axis is logarithmic. On a linear axis neighbours differ by at most a factor of 2."""
         return bool(self.values[1] > 2 * self.values[0] > 0)
 
     def place(self, values) -> np.ndarray:
@@ -50,7 +50,7 @@ class Plot:
         return match
 
     def apart(self, kind: str, x, y) -> float:
-        """Return the largest distance between a line of the plot and a curve, inside the frame."""
+        """Return the largest distance of a line of the plot from a curve, inside the frame."""
         curve, line = _thinned(np.column_stack([self.x.place(x), self.y.place(y)])), self.line(kind)
         return max(_farthest(self._seen(line), curve), _farthest(self._seen(curve), line))
 
@@ -116,7 +116,7 @@ MISSING_PARTS = """() => [...document.querySelectorAll(".pidalab-live")].flatMap
   ...(host.querySelectorAll("tbody tr").length ? [] : [`figure ${k}: no loop`]),
   ...[host.querySelector(".lab-trouble")?.textContent].filter(Boolean),
 ])"""
-# Both ends of a knob's range where a twentieth of it, or the least step, moves no line and no number.
+# Ends of a knob's range where a twentieth of the range, or the least step, moves no line and no number.
 IDLE_ENDS = """async (bar) => {
   const figure = bar.closest(".pidalab-live"), low = Number(bar.min), high = Number(bar.max);
   const step = Math.max(Number(bar.step), (high - low) / 20);
@@ -135,7 +135,7 @@ IDLE_ENDS = """async (bar) => {
 # A figure draws at the next frame after a knob has moved.
 DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 CELLS = "host => [...host.querySelectorAll('tr')].map(row => [...row.cells].map(c => c.textContent.trim()))"
-# What a figure must say after its knobs were turned: the page's own study of the loops that it was told to show.
+# The required text of a figure after its knobs were turned, from the page's own study of the loops.
 EXPECTED = """([told, turned]) => {
   const { PLANTS, RULES, study } = pidalabModel, { NUMBERS } = pidalabLab;
   const plant = structuredClone(PLANTS[told.plant] ?? told.plant), conditions = { end: plant.end, ...told.conditions };
@@ -158,7 +158,7 @@ EXPECTED = """([told, turned]) => {
 
 
 def missing_parts(page):
-    """List live figures of an open page without a plot, a loop or a spoken description."""
+    """List live figures without a plot, a loop or a spoken description."""
     page.wait_for_function(HEARD, timeout=20_000)
     return page.evaluate(MISSING_PARTS)
 
@@ -179,7 +179,7 @@ def rows(host):
 
 
 def expected_numbers(numbers):
-    """Return the numbers of a loop with three digits; an unstable loop has one cell in place of missing ones."""
+    """Return the numbers of a loop with three digits. An unstable loop has one cell for all missing numbers."""
     known = [f"{float(text):.3g}" for text in numbers if text is not None]
     return [*(["unstable"] if len(known) < len(numbers) else []), *known]
 
@@ -203,7 +203,7 @@ def idle_ends(page, host, knob):
 
 
 def turn(page, host, knob):
-    """Move a knob by a tenth of its range; return its new value after the figure has followed."""
+    """Move a knob by a tenth of its range, wait for the figure, and return the new value."""
     row = host.locator(".lab-row", has=page.get_by_label(knob["label"], exact=True))
     bar = row.locator("input[type=range]")
     before = [bar.element_handle(), bar.get_attribute("aria-valuetext")]
@@ -216,7 +216,7 @@ def turn(page, host, knob):
 
 
 def live_figure_problems(page, path):
-    """Turn each knob of each live figure of an open page, and list what goes wrong."""
+    """Turn each knob of each live figure of an open page, and list problems."""
     figures, wrong = states_of(path), missing_parts(page)
     if page.locator(".pidalab-live").count() != len(figures):
         wrong.append(f"{len(figures)} live figures in the source, not so many on the page")

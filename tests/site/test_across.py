@@ -1,4 +1,4 @@
-"""Check the pages across the papers: their tables match the library, and their sentences match the tables."""
+"""Check the pages across the papers: tables match the library, and sentences match the tables."""
 
 import importlib
 import re
@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def pages():
-    """Return the modules beside the pages."""
+    """Return the modules of the pages."""
     return {
         name: importlib.import_module(name)
         for name in ("tables", "words", "recompute", "frontier_words", "plant_map")
@@ -53,7 +53,7 @@ def test_conclusions_follow_from_the_numbers(pages, monkeypatch):
 
 
 def test_map_and_table_agree(pages):
-    """A field of the map recommends PIDA if it saves at least a tenth, and if the table says that acceleration pays."""
+    """A cell of the map recommends PIDA if PIDA saves at least a tenth, and if acceleration pays by the table."""
     tables, words, plant_map = pages["tables"], pages["words"], pages["plant_map"]
     table, study = plant_map.fields(), (tables.pays(), tables.compared("loud").dropna(subset=["of_best"]))
     verdicts = words.acceleration()["acceleration"]
@@ -69,7 +69,7 @@ def test_map_and_table_agree(pages):
 
 @pytest.mark.parametrize("ms", [1.4, 2.0])
 def test_the_frontier_is_monotonic(pages, ms):
-    """A higher order is never worse, and more noise never raises the IAE, within 1 %."""
+    """Within 1 %, higher orders and more noise never raise the IAE."""
     table = pages["frontier_words"].curves(ms)
     assert len(table) == 13 * 4 * 7
     wide = table.pivot_table(index=["plant", "noise_limit"], columns="order", values="iae").dropna()
@@ -91,7 +91,7 @@ def test_a_field_of_the_map_opens_the_lab_with_its_plant(site, lab):
 
 
 def test_the_answer_table_fits_a_phone(site, visit):
-    """It is the first table of the page on all plants."""
+    """The answer table is the first table of the page on all plants."""
     page, _ = visit(
         (site / "book" / "across" / "which-controller.html").as_uri(), viewport={"width": 390, "height": 844}
     )

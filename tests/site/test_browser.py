@@ -19,7 +19,7 @@ class QuietHandler(SimpleHTTPRequestHandler):
 @contextmanager
 def serve(directory):
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=directory)) as server:
-        # the interval limits how long the server takes to stop
+        # The interval limits the time that the server takes to stop.
         threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}"
         server.shutdown()
@@ -32,13 +32,13 @@ def home(site):
 
 
 def test_page(page_name, home, site, visit):
-    """Each page is loaded once for all checks, since loading takes longest."""
+    """Each page is loaded once for all checks."""
     page, wrong = visit(f"{home}/{page_name}.html", viewport=NARROW)
     assert page.locator("html").get_attribute("data-theme") == "light"
     assert live_figure_problems(page, site / f"{page_name}.html") + layout_problems(page) + wrong == []
 
 
-# pages with every kind of text, table, figure and control of the book
+# These pages have every kind of text, table, figure and control of the book.
 COLOURED = [
     "intro",
     "lab",
@@ -83,10 +83,10 @@ def test_the_theme_follows_the_system(home, visit):
     assert wrong == []
 
 
-# The first result of these is a section of a lecture or chapter.
+# The first result for these words is a section of a lecture or chapter.
 WORDS = ["Bode", "two degrees of freedom", "SIMC", "PIDA", "dead time", "noise", "IAE"]
 NOT_FIRST = re.compile(r"book/(api|audit|bibliography|scoreboard|errata)")
-# What a reader would type, and where a good answer is: among the first three sections found.
+# Words that a reader would type, and a good answer, which is among the first three results.
 ANSWERED = {
     "install": "how-do-i.html#install",
     "cite": "how-do-i.html#cite",
@@ -169,7 +169,7 @@ COUNTS = """() => [...document.querySelectorAll(".pidalab-live")].map((figure) =
 
 
 def test_pages_without_javascript_show_pictures(browser, site):
-    """Each live figure has one in each theme. The lab says that it needs JavaScript."""
+    """Each live figure has a picture in each theme. The lab says that it needs JavaScript."""
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
     paths = [

@@ -1,4 +1,4 @@
-"""Use the lab as a reader does: opened from a folder, without server or network."""
+"""Use the lab as a reader does, from a folder without server or network."""
 
 import json
 import re
@@ -36,13 +36,13 @@ MS = ".map(row => row[3]).join()"
 
 
 def announced(page, words=f"IAE {NUMBER}"):
-    """Return what the lab announces, after it has announced these words."""
+    """Return the announcement of the lab as soon as it has these words."""
     page.wait_for_function(f"() => /{words}/.test(document.querySelector('.lab-live').textContent)")
     return page.locator(".lab-live").text_content()
 
 
 def read(page, words):
-    """Return what the lab says about a record, after it has said these words."""
+    """Return the text of the lab about a record as soon as it has these words."""
     page.wait_for_function(f"() => /{words}/.test(document.querySelector('.lab-about').textContent)")
     return page.locator(".lab-about").text_content()
 
@@ -110,7 +110,7 @@ DRAG = """async (bar) => {
 
 
 def test_a_drag_studies_one_design_and_moves_its_lines(lab):
-    """Ten changes before a frame are drawn once, other designs are kept, and the address is saved after the drag."""
+    """Ten changes before a frame are drawn once. Other designs stay, and the address is saved after the drag."""
     page = lab()
     three_kinds(page)
     page.wait_for_function(SAVED)
@@ -143,7 +143,7 @@ SAMPLES = """() => {
 
 
 def test_many_samples_are_thinned_without_losing_extremes(lab):
-    """Of 8001 samples under noise a few points for each unit of width are drawn, with all extremes."""
+    """Of 8001 noisy samples, a few points for each unit of width are drawn, with all extremes."""
     page = lab()
     for label in ("digital controller", "measurement noise"):
         page.get_by_label(label, exact=True).check()
@@ -154,7 +154,7 @@ def test_many_samples_are_thinned_without_losing_extremes(lab):
     plot = plots(page.locator(".pidalab-lab"))["Control signal u, step of the set point"]
     line, (_, top, width, height) = plot.line("lab-0"), plot.frame
     assert len(t) == 8001
-    assert len(line) <= 4 * 2 * (width + 1)  # four of a column, each held until the next
+    assert len(line) <= 4 * 2 * (width + 1)  # four points of a column, each held until the next
     low, high = min(u.min(), 0), u.max()
     air = 0.06 * (high - low)
     bottom, ceiling = plot.y.place([low - air, high + air])
@@ -179,7 +179,7 @@ def test_three_kinds_by_a_rule(lab):
     assert [row[3] for row in rows] == ["1.4"] * 3
     iae = [float(row[1]) for row in rows]
     assert sorted(iae, reverse=True) == iae
-    # fair terms limit the noise gain, too, and a note names the kind that needs less
+    # Fair terms also limit the noise gain, and a note names the kind that needs less.
     assert page.get_by_label(FAIR).is_checked()
     noise = [float(row[4]) for row in rows]
     assert noise == pytest.approx([0.0735, 0.81, 1.5], rel=2e-3)  # for the shortest filters, and at the limit
@@ -200,7 +200,7 @@ def test_a_design_by_hand_has_a_note(lab):
     assert re.match(
         r"This design by hand has Ms 1\.\d+ and a relative noise gain of .* have at most 1\.4 and 1\.5", note
     )
-    # the button applies fair terms to designs by hand
+    # The button applies fair terms to designs by hand.
     press(page, "PI, PID and PIDA by this rule")
     wait_for_columns(page, "'1.4,1.4,1.4'", MS)
     assert page.get_by_label("rule", exact=True).input_value() == "gain"
@@ -260,7 +260,7 @@ LIMITED = """{plant: "huba-ipdt", designs: [{rule: "hand", limited: true, low: -
 
 
 def test_designs_saved_as_files(lab, tmp_path):
-    """The Python file runs and prints the lab's numbers. The JSON file can be opened again."""
+    """The Python file prints the lab's numbers. The JSON file can be opened again."""
     page = lab()
     before = three_kinds(page)
     for button, name in (("As a library call", "pida_designs.py"), ("As JSON", "pida_designs.json")):
@@ -322,7 +322,7 @@ def plant_shown(page):
 
 
 def test_a_dropped_record_becomes_a_plant_and_a_design(lab):
-    """The record has time and output, decimal commas or a clock. Other files are refused with a reason."""
+    """The record has time and output, decimal commas or a clock. Other files are refused."""
     page = lab()
     t = np.arange(0, 20, 0.1)
     late = np.maximum(t - 1.0, 0.0)
@@ -417,7 +417,7 @@ def test_undo_skips_the_result_of_a_search(lab):
 def test_a_change_of_plant_retunes_or_explains_why_not(lab):
     page = lab()
     choose(page, "plant", "huba-ipdt")
-    # a rule that does not apply is replaced, and nothing is shown until the search ends
+    # A rule that does not apply is replaced, and nothing is shown until the search ends.
     announced(page, "does not integrate; the lab uses least IAE instead of “cancel the lags")
     page.wait_for_function("() => !document.querySelector('.pidalab-lab').lab.state.designs[0].pending")
     choose(page, "rule", "cancellation")
@@ -471,7 +471,7 @@ def test_a_pointer_reads_the_values_in_all_plots_and_a_box_zooms(lab):
     page = lab()
     box = page.locator('svg[aria-label^="Output y, step of the load"]').bounding_box()
     page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
-    assert page.locator(".lab-values").count() == 3  # those over time
+    assert page.locator(".lab-values").count() == 3  # of plots over time
     at = page.locator(".lab-values tspan").first.text_content()
     assert 8 < float(at.rstrip(":")) < 16
     ticks = page.locator('svg[aria-label^="Output y, step of the load"] .lab-tick')
@@ -499,7 +499,7 @@ def test_a_digital_loop_is_drawn_between_its_samples_and_from_sample_to_sample(l
       const near = Math.max(...w.map((_, k) => 1 / Math.hypot(1 + re[k], im[k])));
       return [current.ms, near, w[w.length - 1], current.setpoint.t.length, current.setpoint.between.t.length];
     }""")
-    assert near == pytest.approx(top, rel=0.01)  # Ms of the curve is that of the table
+    assert near == pytest.approx(top, rel=0.01)  # the table has the Ms of the curve
     assert last == pytest.approx(np.pi)
     assert between > 20 * count
 
@@ -512,7 +512,7 @@ def test_on_a_phone_the_plot_comes_before_the_knobs(lab):
     ]
     assert sorted(tops) == tops
     assert tops[0] < 844
-    # the load response stays visible next to the knobs, and covers no other plot
+    # The load response stays visible next to the knobs, and covers no other plot.
     page.get_by_label("kp, number", exact=True).scroll_into_view_if_needed()
     page.mouse.wheel(0, 200)
     page.evaluate(NEXT_FRAME)
@@ -589,7 +589,7 @@ DAMAGED = [
 
 
 def test_a_hostile_link_is_refused_field_by_field(lab):
-    """The lab says what is wrong and still works. Nothing of the link gets into the script."""
+    """The lab names the error and still works. Nothing of the link gets into the script."""
     page = lab()
     for state in DAMAGED:
         follow(page, state)
@@ -603,7 +603,7 @@ def test_a_hostile_link_is_refused_field_by_field(lab):
 
 
 def test_there_is_no_script_while_a_design_is_refused(lab):
-    """The design is refused because its response cannot be seen on the time axis."""
+    """The design is refused because the time axis cannot show its response."""
     page = lab()
     plant = "plant: 'given', given: { num: [1], den: [1, 1], delay: 0, end: %s }"
     designs = "designs: [{ rule: 'hand', kind: 'PID', kp: 1.2, ti: 2.5, td: 0.1, filterTime: 0.01, filterOrder: 2 }]"

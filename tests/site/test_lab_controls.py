@@ -92,7 +92,7 @@ def test_a_slider_extends_to_the_entered_value(lab):
 def test_limits_and_noise_show_in_the_control_signal(lab):
     page = lab()
     page.get_by_label("limits of the actuator").check()
-    enter(page, "filter time", 0.05)  # a faster one, with a kick to both sides
+    enter(page, "filter time", 0.05)  # a faster filter, with a kick to both sides
     enter(page, "lowest u", -0.2)
     enter(page, "highest u", 1.5)
 
@@ -108,7 +108,7 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
         "() => document.querySelector('.lab-table tbody td:nth-of-type(5)').textContent === '1.5'"
     )
     calm = reached()
-    # each change is drawn separately
+    # Each change is drawn separately.
     for change in (
         page.get_by_label("measurement noise", exact=True).check,
         lambda: enter(page, "noise, ±", 0.2),
@@ -120,7 +120,7 @@ def test_limits_and_noise_show_in_the_control_signal(lab):
         )
     noisy = reached()
     assert min(calm + noisy) > 0
-    assert noisy[1] > 5 * calm[1]  # the peak meets the upper limit once, the noise often
+    assert noisy[1] > 5 * calm[1]  # the peak reaches the upper limit once, the noise often
 
 
 def test_each_anti_windup_option(lab):

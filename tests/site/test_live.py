@@ -1,4 +1,4 @@
-"""Compare what live figures show with the library."""
+"""Compare live figures with the library."""
 
 import json
 import re
@@ -27,7 +27,7 @@ CAPTIONED = """<!doctype html><html lang="en" data-content_root="./"><meta chars
 
 @pytest.fixture
 def open_figure(root, tmp_path, visit):
-    """Return a function that opens a page with one live figure and the book's scripts."""
+    """Return a function that opens a page with one live figure."""
 
     def open_figure(html):
         shutil.copytree(root / "book" / "_static" / "lab", tmp_path / "lab")

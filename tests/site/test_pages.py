@@ -26,12 +26,12 @@ FOLDS = {"hide-input", "hide-cell"}
 
 
 def shows(output) -> bool:
-    """Return True if a reader sees an output; one that is kept for another page is not seen."""
+    """Return True if a reader sees an output. An output that is kept for another page is hidden."""
     return "scrapbook" not in output.get("metadata", {})
 
 
 def notebook_problems(path: Path) -> list[str]:
-    """List outputs that are missing, failed, out of order or without words, and folds with nothing in them."""
+    """List outputs that are missing, failed, out of order or without words, and empty folds."""
     cells = [
         cell
         for cell in nbformat.read(path, as_version=4).cells
@@ -74,7 +74,7 @@ class Page(HTMLParser):
         super().__init__()
         self.anchors, self.links, self.loads = set(), [], []
         self.open = {"article": 0, "h1": 0, "p": 0, "td": 0}
-        self.heading = self.words = ""  # of the article: its title, and what stands in paragraphs and tables
+        self.heading = self.words = ""  # title, paragraphs and tables of the article
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
@@ -106,11 +106,11 @@ def read_pages(site: Path) -> dict[Path, Page]:
     return {path: Page(path.read_text(encoding="utf-8")) for path in paths}
 
 
-# --- the book is good --------------------------------------------------------
+# --- whole book --------------------------------------------------------------
 
 
 def test_every_page_of_the_toc_is_built(toc, site):
-    """With a heading and text, not only the frame."""
+    """Each page has a heading and text, not only the frame."""
     built = read_pages(site)
     pages = {name: built.get(site / f"{name}.html") for name in toc}
     assert [name for name, page in pages.items() if not (page and page.heading and page.words)] == []
@@ -131,7 +131,7 @@ def test_notebooks(root, toc):
 
 
 def test_no_link_is_broken(site):
-    """Links and loaded files lead to a file of the site, and anchors to a place on its page."""
+    """Links and loaded files lead to files of the site, and anchors to places on the page."""
     pages, wrong = read_pages(site), []
     for path, page in pages.items():
         for address in page.links + page.loads:
@@ -183,7 +183,7 @@ def lessons(root) -> dict[str, list]:
 
 
 def test_every_exercise_has_an_answer_in_words_that_was_run(lessons):
-    """It has a sentence, and a cell that printed or drew something."""
+    """Each answer has a sentence, and a cell that printed or drew something."""
     for name, cells in lessons.items():
         text = "\n".join(RUN if c.cell_type == "code" and c.outputs else c.source for c in cells)
         answers = ANSWER.findall(text)

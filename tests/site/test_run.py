@@ -29,7 +29,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def served(site):
-    """Serve the site, if it was built with the engine, since a worker cannot start from a file."""
+    """Serve the site if it was built with the engine. A worker cannot start from a file."""
     if not (site / "live" / "engine.json").is_file():
         pytest.skip("the site was built without the engine: `make live`, then `make book LIVE=1`")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=site))
@@ -55,7 +55,7 @@ def started(served, visit):
 
 
 def run_all(page):
-    """Run every cell. Return text with tables and the number of figures of each cell that shows its code."""
+    """Run every cell. Return text and number of figures of each cell that shows its code."""
     page.get_by_role("button", name="Run all").click()
     status = page.locator(".pidalab-run-bar .pidalab-run-status")
     expect(status).to_have_text(re.compile("^(Done|Cell|The interpreter)"), timeout=600_000)
@@ -91,7 +91,7 @@ def numbers(text):
 def test_cells_match_stored_outputs(name, root, started):
     page, wrong = started(name)
     fresh, kept = run_all(page), stored(root, name)
-    # a live figure takes the place of a stored one and of its code
+    # A live figure replaces a stored figure and its code.
     assert len(kept) - page.locator(".pidalab-live").count() <= len(fresh) <= len(kept)
     assert any(numbers(text) for text, _ in fresh.values())
     for cell, (text, figures) in fresh.items():

@@ -25,7 +25,7 @@ def verdict(page, label):
 
 
 def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
-    """The page is reloaded at the end, and the task is still solved."""
+    """The task is still solved after the page is reloaded."""
     label, url = "task-1-1", address(site, "learn/what-acceleration-does")
     page, wrong = visit(url, viewport=NARROW)
     assert page.evaluate(OVERFLOW) <= 1
@@ -59,7 +59,7 @@ def test_a_task_is_solved_by_keyboard_and_stays_solved(site, visit):
     assert label in reached
 
     badge = page.locator(f"#{label} .task-badge")
-    for _ in range(10):  # a busy browser stores what the page keeps a moment later
+    for _ in range(10):  # a busy browser stores data a moment later
         page.wait_for_timeout(500)
         page.reload()
         page.locator(f"#{label} form").wait_for()

@@ -7,7 +7,7 @@
      margins({process, controller})           ->  {ms, mks, gm, pm, dm, stable}
 
    The controller is (ki/s + kp + kd s + ka s^2) / (1 + filterTime s)^filterOrder, from control error to control signal.
-   Polynomials have descending powers of s. `fine` is u at the same times and at additional times, which are close together
+   Polynomials have descending powers of s. `fine` is u at the same times and at additional times, which are dense
    where derivatives kick. The dead time is not approximated (see `march`). */
 (globalThis.pidalabScripts ??= []).push(function () {
   "use strict";
@@ -52,7 +52,7 @@
     const kept = new Map();
     return (...values) => {
       const key = JSON.stringify(values), found = kept.get(key) ?? make(...values);
-      kept.delete(key); // the result that was not used for the longest time is removed first
+      kept.delete(key); // remove the result that was unused for the longest time
       kept.set(key, found);
       if (kept.size > size) kept.delete(kept.keys().next().value);
       return found;
@@ -70,7 +70,7 @@
   const angle = (a) => Math.atan2(a[1], a[0]);
   const wrapped = (turn) => turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI));
 
-  /* Evaluate a polynomial by Horner's scheme. It uses real numbers, since it runs millions of times. */
+  /* Evaluate a polynomial by Horner's scheme, in real numbers for speed. */
   function value(coefficients, s) {
     const x = s[0], y = s[1];
     let re = 0, im = 0;
@@ -136,7 +136,7 @@
     };
   }
 
-  /* Return values of a loop that several functions need. Each is computed on first use. */
+  /* Return values of a loop, each computed on first use. */
   const unlimited = remembering(12, (loop) => {
     const once = (make) => { let made; return () => (made ??= make()); };
     const parts = once(() => factors(loop)), grid = once(() => baseGrid(loop, parts())), space = once(() => stateSpace(loop));
@@ -155,7 +155,7 @@
   const PER_DECADE = 60, TURN = 0.25, MOST = 400000;
   const TOO_MANY = "the dead time turns the phase too often to follow while |L| is large";
 
-  /* Write L and C at the frequency w to `seen`: re L, im L, re C, im C. It uses real numbers, since it runs millions of times. */
+  /* Write L and C at the frequency w to `seen`: re L, im L, re C, im C. It uses real numbers for speed. */
   const seen = new Float64Array(4);
   function look({ num, den, delay, ki, kp, kd, ka, time, order }, w) {
     let a = 1, b = 0; // (1 + j time w)^order
@@ -234,7 +234,7 @@
     return delay ? grid.flatMap((w, i) => (i + 1 < grid.length && matters(i) ? [w, ...inside(i)] : [w])) : grid;
   }
 
-  /* Return the zero of a function between two points of different sign, by the Illinois method. This is false position in
+  /* Return the zero of a function between two points of different sign, by the Illinois method: false position in
      which the function value at an end that is kept is halved. */
   function zero(f, a, b) {
     let fa = f(a), fb = f(b), last = Infinity, kept = 0;
@@ -259,7 +259,7 @@
     return Math.max(fc, fd);
   }
 
-  const ENOUGH = 2e-5; // a value is not sought if it exceeds the best value by less than this share
+  const ENOUGH = 2e-5; // values that exceed the best value by less than this share are not sought
 
   /* Return the suprema of |S| and |C S| over all frequencies. `ends` are their limits at the ends of the axis. Where the dead
      time is not resolved, |L| gives upper bounds. If the bound of an interval exceeds the best value, the interval is resolved. */
@@ -273,7 +273,7 @@
       inner[i] = along(loop, between);
       for (let k = 0; k < between.length; k++) heighten(closeness(inner[i].re[k], inner[i].im[k]), inner[i].control[k]);
     };
-      look(loop, 1e-9 * grid[0]); // this gives the limit at rest, which no point of the grid reaches
+      look(loop, 1e-9 * grid[0]); // the limit at rest, which no grid point reaches
     heighten(closeness(seen[0], seen[1]), Math.hypot(seen[2], seen[3]));
     for (let i = 0; i < grid.length; i++) heighten(closeness(re[i], im[i]), control[i]);
     for (let i = 0; i + 1 < grid.length; i++) if (Math.max(size[i], size[i + 1]) >= 0.5) resolve(i);
@@ -299,15 +299,16 @@
 
   // --- stability ----------------------------------------------------------------------------------------------------
 
-  /* Count the closed-loop poles right of the line s = jw - lean (w + w0), by the argument principle. Null if a pole is on it. */
+  /* Count the closed-loop poles right of the line s = jw - lean (w + w0) by the argument principle. Return null if a pole is on
+     the line. */
   function encirclements(loop, parts, w, lean) {
     const nonzero = parts.poles.map(modulus).filter((size) => size > 0);
     const least = nonzero.length ? Math.min(...nonzero) : 1;
     const reference = parts.poles.map((pole) => modulus(pole) || least);
-    /* Return the phase of 1 + L without its poles, divided by a factor that does not turn. NaN where 1 + L is 0. */
+    /* Return the phase of 1 + L without its poles, divided by a factor that does not turn, or NaN where 1 + L is 0. */
     const phase = (x) => {
       const s = [-lean * (x + w[1]), x];
-      let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // real numbers, since this runs often
+      let re = parts.lead, im = 0, a = parts.lead, b = 0, next; // real numbers, for speed
       for (let k = 0; k < reference.length; k++) {
         const [p, q] = parts.poles[k], far = s[0] + reference[k];
         next = re * (s[0] - p) - im * (x - q);
@@ -323,7 +324,7 @@
       if (Math.hypot(f, g) <= 1e-9 * (Math.hypot(re, im) + Math.hypot(c, d))) return NaN;
       return Math.atan2(g * a - f * b, f * a + g * b);
     };
-    /* Follow the argument. Halve an interval in which it turns quickly. */
+    /* Follow the argument. Halve intervals in which it turns quickly. */
     let total = 0, from = phase(w[0]);
     if (Number.isNaN(from)) return null;
     for (let i = 1; i < w.length; i++) {
@@ -373,7 +374,7 @@
     const least = 1 / Math.abs(1 + farOut), last = open.control[grid.length - 1];
     const [ms, mks] = peaks(loop, open, [least, last * least]);
 
-    /* Return the gain crossovers. They do not depend on the dead time. A gain that only touches 1 needs more points. */
+    /* Return the gain crossovers, which do not depend on the dead time. A gain that only touches 1 needs more points. */
     let pm = Infinity, dm = Math.abs(parts.atInfinity) >= 1 ? 0 : Infinity;
     const excess = (w) => { look(loop, w); return 0.5 * Math.log(seen[0] * seen[0] + seen[1] * seen[1]); };
     let marks = grid, levels = size.map(Math.log);
@@ -395,7 +396,7 @@
       dm = Math.min(dm, lag / w);
     }
 
-    /* Phase crossovers: the largest |L| below 1 determines the margin. Smaller ones are sought only if there is none. If the
+    /* Phase crossovers: the largest |L| below 1 determines the margin. Smaller |L| are sought only if there is none. If the
        gain does not tend to 0, there are infinitely many. Those within a hundredth of its limit count as equal to the limit. */
     const far = farOut < 0 && farOut > -1 ? -farOut : 0;
     let loudest = Math.max(far, atZero(loop));
@@ -422,7 +423,7 @@
     return { ms, mks, gm: loudest ? 1 / loudest : Infinity, pm, dm, stable: true };
   }
 
-  /* Return |L(0)| if L(0) is between -1 and 0. This is a phase crossover at zero frequency. */
+  /* Return |L(0)| if L(0) is between -1 and 0, a phase crossover at zero frequency. */
   function atZero({ num, den, ki, kp }) {
     const bottom = ki ? 0 : den[den.length - 1], limit = bottom ? (num[num.length - 1] * kp) / bottom : 0;
     return limit < 0 && limit > -1 ? -limit : 0;
@@ -492,7 +493,7 @@
 
   // --- the loop, opened at its dead time ----------------------------------------------------------------------------
 
-  /* Realise the loop. The states are process (in its own time unit), lags of the filter, integral of the error, set point.
+  /* Realise the loop, with the states process (in its own time unit), lags of the filter, integral of the error, set point.
      x' = A x + b w with w(t) = v(t - delay); y = cy x + dy w, u = cu x + du w, v = u + load. */
   function stateSpace(loop) {
     const np = loop.den.length - 1, n = loop.order, size = np + n + 2, step = size - 1, integral = size - 2;
@@ -536,7 +537,7 @@
     return result;
   };
 
-  /* Compute result = matrix x for a flat matrix. This runs millions of times. */
+  /* Compute result = matrix x for a flat matrix. */
   function apply(matrix, x, result) {
     for (let i = 0, k = 0; i < result.length; i++) {
       let sum = 0;
@@ -553,7 +554,7 @@
   const EACH = 8; // pieces of each size; the error of the polynomials in a kick has the same gain to the output as the kick
   const MOST_PIECES = 300000; // largest number of pieces of a response
 
-  /* Return the sizes of the pieces of one dead time. The response is not smooth at multiples of the dead time. So the pieces
+  /* Return the sizes of the pieces of one dead time. The response is not smooth at multiples of the dead time, so the pieces
      are short at its beginning, and double until they are as long as the slower motion of the loop permits. */
   function pieces(delay, shortest, longest) {
     const many = Math.max(4, Math.ceil(delay / longest));
@@ -591,8 +592,7 @@
     return flat([...whole.slice(0, size).map(nodal), ...outputs]);
   }
 
-  /* Return the pieces of one dead time, and a matrix for each of their sizes. With a `share` below 1 the pieces are
-     shorter. */
+  /* Return the pieces of one dead time, and a matrix for each size. A `share` below 1 makes the pieces shorter. */
   function motion(loop, parts, grid, loudness, space, share = 1) {
     const { A, b, size } = space, { shortest, longest } = speeds(loop, parts, grid, loudness);
     const { exponents, levels, unit } = pieces(loop.delay, share * shortest, share * longest);
@@ -633,7 +633,7 @@
         for (let i = 1; i < NODES; i++) { yNodes[i] = after[size + i - 1]; uNodes[i] = after[size + NODES + i - 2]; }
         const to = p + 1 < exponents.length ? from + length : (k + 1) * delay;
         const begin = next;
-        // A time within rounding of the next piece belongs to that piece, since it comes after a jump.
+        // A time within rounding of the next piece belongs to this next piece, since it comes after a jump.
         for (; next < times.length && times[next] < to - 1e-12 * end - (next + 1 === times.length ? -2e-12 * end : 0); next++) {
           if (next === begin) { powers(yNodes, yPowers); powers(uNodes, uPowers); }
           const share = (times[next] - from) / (to - from);
@@ -665,13 +665,13 @@
     for (const [re, im] of parts.poles) {
       if (Math.abs(re) < 0.7 * Math.hypot(re, im) || re > 0) lasting = Math.max(lasting, Math.hypot(re, im));
     }
-    // These are the frequencies at which the loop still reacts. If its gain does not decrease, use the fastest pole.
+    // The loop still reacts at these frequencies. If its gain does not decrease, use the fastest pole.
     const loudest = grid.findLast((_, i) => loudness[i] > 0.03) ?? 0;
     lasting = Math.max(lasting, Math.min(loudest, 2 * fastest));
     return { shortest: 0.25 / fastest, longest: 1.0 / lasting };
   }
 
-  /* Simulate without dead time. The loop is closed, w = v, and one exponential advances it from time to time. The load is an
+  /* Simulate without dead time. With w = v, one exponential advances the loop from time to time. The load is an
      additional state. */
   function closed({ A, b, cy, dy, cu, du, size, step }, setpoint, load, times, more = 0) {
     if (Math.abs(1 - du) < 1e-12) fail("the loop is ill-posed: its direct feedthrough is exactly -1");
@@ -708,8 +708,8 @@
   const ROUNDING = 10 * 2 ** -52; // relative to the largest gain of the filter's lags, which are stored as one number with kp
 
   /* Return the relative difference of y and u of two runs with different pieces and different rounding. How many digits a fast
-     filter loses depends on the loop, since a second derivative amplifies the rounding of y by ka / filterTime^2. The rounding
-     of the gains themselves is equal in both runs, so this comparison does not detect it. */
+     filter loses depends on the loop, since a second derivative amplifies the rounding of y by ka / filterTime^2. This does
+     not detect the rounding of the gains, which is equal in both runs. */
   function uncertain(found, asked, { y, u }) {
     const { loop } = found, space = found.space();
     const again = loop.delay
@@ -758,7 +758,7 @@
      first dead times, when the kick has passed through the loop. */
   const kicks = ({ order, time, delay }) => (order ? Array.from({ length: delay ? 4 : 1 }, (_, k) => [k * delay, k * delay + (order + 4) * time]) : []);
 
-  /* Return evenly spaced times and, during kicks, additional times no more than a sixteenth of the filter time apart. */
+  /* Return evenly spaced times and, during kicks, times at most a sixteenth of the filter time apart. */
   function finer(loop, times) {
     const end = times[times.length - 1], even = times[1], parts = Math.ceil((16 * even) / loop.time), more = [];
     if (!(parts > 1 && parts < Infinity)) return times;
@@ -941,7 +941,7 @@
     return { re, im };
   }
 
-  /* Do the same as frequencyResponse for a sampled controller with backward differences. By default the frequencies go up to
+  /* As frequencyResponse, for a sampled controller with backward differences. By default the frequencies go up to
      half the sampling frequency. */
   function sampledResponse(asked) {
     const loop = readLoop(asked), h = asked.sampleTime, { row } = controllerBlock(loop), newest = h / (loop.time + h);
@@ -959,7 +959,7 @@
     };
   }
 
-  /* Simulate a limited controller, sampled so fast that it looks continuous. */
+  /* Simulate a limited continuous controller by fast sampling. */
   function limited(asked, loop, times) {
     const end = asked.end, finest = loop.order ? loop.time / 4 : Infinity;
     const share = Math.ceil(Math.max(end / finest, 4000) / (times.length - 1));

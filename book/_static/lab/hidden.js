@@ -14,7 +14,7 @@
     return JSON.parse(bytes.map((byte, k) => String.fromCharCode(byte ^ KEY.charCodeAt(k % KEY.length))).join(""));
   }
 
-  /* Return a record {t, u, y} of a unit step of u after a twentieth of the time, from an arbitrary level. */
+  /* Return a record {t, u, y} from an arbitrary level, with a unit step of u after a twentieth of the time. */
   function stepTest(name, random) {
     const plant = plantOf(name), h = plant.end / SAMPLES, u = Array.from({ length: SAMPLES + 1 }, (_, k) => (k >= SAMPLES / 20 ? 1 : 0));
     const clean = respond(plant, u, h), size = Math.max(...clean.map(Math.abs)), level = 3 * size * random();
@@ -38,7 +38,7 @@
 
   const gainSign = ({ num, den }) => Math.sign(num[num.length - 1] * den[den.findLastIndex((c) => c !== 0)]);
 
-  /* Return the IAE after a unit load step, until the loop is at rest. The integral of the error gives the remainder. */
+  /* Return the IAE after a unit load step: until the loop is at rest, and the remainder from the integral of the error. */
   function respondTo(process, design, { end }) {
     const own = controller(design), run = simulate({ process, controller: own, end: 4 * end, points: 4001, load: 1 });
     const area = run.y.reduce((sum, y, k) => (k ? sum + 0.5 * (run.t[k] - run.t[k - 1]) * (y + run.y[k - 1]) : 0), 0);
@@ -58,7 +58,7 @@ if (typeof document !== "undefined") (function () {
   const LIMITS = [5, 10, 20], CLEAR = "Forget all scores";
 
   const recall = () => { try { return JSON.parse(localStorage.getItem(KEY)) ?? {}; } catch { return {}; } };
-  const keep = (scores) => { try { localStorage.setItem(KEY, JSON.stringify(scores)); } catch { /* the score is then kept until the page is left */ } };
+  const keep = (scores) => { try { localStorage.setItem(KEY, JSON.stringify(scores)); } catch { /* then the page keeps the score until it is left */ } };
   const button = (text, onclick) => element("button", { type: "button", class: "lab-button", onclick }, text);
 
   class Hidden {

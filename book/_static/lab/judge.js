@@ -1,18 +1,18 @@
-/* Judge the answers to the book's tasks by the loops that they lead to.
+/* Judge answers to the book's tasks by their loops.
 
-   judge(task, given) -> {right, say} or {refused, say}. `task` contains the data of the task's directive. `given` contains
-   what was entered, as text or numbers. The script does not touch the page, so tests can call it as pages do.
+   judge(task, given) -> {right, say} or {refused, say}. `task` contains the data of the task's directive, and `given`
+   the entries, as text or numbers. The script does not touch the page, so tests can call it.
 
-   kind    number (a number, which the page also computes), design (numbers that define a loop or a plant within limits),
+   kind    number (which the page also computes), design (numbers that define a loop or a plant within limits),
            choice (one of several options, with a reason), order (a sequence of items)
    plant   key of a plant of the lab, or {gain, lags, integrating, delay, end}; the values are numbers, names of fields, or
            [products]. With plants, two plants by name, A.ms is the Ms of A
-   loop    those of kp, ti, td, ta, Tf, n that are given, for kp (1 + 1/(ti s) + td s + ta s²)/(1 + Tf s)^n. By default n is
+   loop    some of kp, ti, td, ta, Tf, n, for kp (1 + 1/(ti s) + td s + ta s²)/(1 + Tf s)^n. By default n is
            the number of derivatives plus 1. rule: a rule of the lab computes the gains. u0 limits u, with backward
            differences every h and the tracking time Tt. sampled: the loop of a digital controller with this sample time h
    fields  names of the values that the reader enters
-   of, within   name of the fact that is asked for, and the share by which an answer may differ. A closed form is given as
-           `value`. `first` is a hint where to begin, for a wrong answer that no slip explains
+   of, within   name of the requested fact, and relative tolerance of an answer. `value` is a closed form. `first` is a hint
+           where to begin, for a wrong answer that no slip explains
    record  the model of a supplied record: the fields that describe it, and the sum of its times
    limits, least   largest and least values of facts; near: numbers that fields must be close to
    slips   reasons for wrong answers: {of or value or given or when, word} */
@@ -160,7 +160,7 @@
       return { right: true, say: "Right." };
     }
     if (task.edge) {
-      const at = (share) => { // a loop that cannot be followed counts as unstable
+      const at = (share) => { // a loop that cannot be simulated counts as unstable
         try { return factsOf(task, { ...given, [task.edge]: share * given[task.edge] }).stable().length === 0; } catch { return false; }
       };
       if (!at(1.03) && [0.5, 0.2, 0.05].some(at)) return { right: false, say: slipOf(task, given, facts) ?? "Unstable: the value is too large. With a smaller one the loop is stable." };
@@ -208,7 +208,7 @@
     return { right: false, say: slipOf(task, given, null) ?? `Not yet. ${place ? `${names(given.order.slice(0, place))} is right so far; c` : "C"}ompare ${task.items[given.order[place]].name} again with the others.` };
   }
 
-  // --- what was entered ---------------------------------------------------------------------------------------------
+  // --- entries ------------------------------------------------------------------------------------------------------
 
   const ZERO_TOO = new Set(["td", "ta", "t2", "t3", "L", "sensor"]);
 

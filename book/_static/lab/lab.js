@@ -1,12 +1,12 @@
-/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state. The address of the page and the
-   exported file contain this state, too. Each change of the state redraws everything. */
+/* The lab: every <div class="pidalab-lab"> of a page becomes a lab. One object holds the state, as do the address of the page
+   and the exported file. Each change redraws everything. */
 (function () {
   "use strict";
   const { PLANTS, RULES, ORDER, alike, ownPlant, controller, study, noiseScale, noiseGainAt, readNumber, write, read } = globalThis.pidalabModel;
   const { readRecord, fit } = globalThis.pidalabRecord;
   const plot = globalThis.pidalabPlot, { element, marked } = plot;
 
-  /* A design is a card with its own rule, limits and anti-windup. In a fair comparison all designs share Ms and relative noise
+  /* A design is a card with its rule, limits and anti-windup. In a fair comparison all designs share Ms and relative noise
      gain, which determine the gain and filter of a rule. */
   const DESIGN = {
     name: "", kind: "PIDA", rule: "hand", kp: 0.87, ti: 3, td: 1, ta: 0.333, filterTime: 0.1, filterOrder: 3,
@@ -20,7 +20,7 @@
   const MOST = 5, PAST = 100, LARGEST_FILE = 5e7;
   const LOOKS = { PIDA: 0, PID: 1, PI: 4 };
 
-  /* Return a colour and a dash for each design. They are those of its kind or, for a second design of a kind, the next free. */
+  /* Return a colour and a dash for each design: those of its kind or, for a second design of a kind, the next free ones. */
   function looksOf(kinds) {
     const taken = new Set();
     return kinds.map((kind) => {
@@ -37,7 +37,7 @@
 
   let names = 0;
 
-  /* Create a slider and a number for one value. The number takes any value, the slider takes the usual values with three
+  /* Create a slider and a number for one value. The number takes any value, and the slider takes usual values with three
      digits. A step must change these digits, or a key would move the slider without changing the value. On a logarithmic slider
      a negative value keeps its sign. A value beyond the end of a slider extends the slider. */
   function slider({ label, help, low, high, log, step, get, set }) {
@@ -90,10 +90,10 @@
 
   // --- the plots ----------------------------------------------------------------------------------------------------
 
-  /* The control signal has extra times where derivatives kick, and the output has extra times between samples. */
+  /* The control signal has extra times at kicks, and the output between samples. */
   const signals = (s, key, which) => (key === "u" ? s[which].fine : s[which].between) || s[which];
 
-  /* Return the range of a signal over all runs, including 0. Unstable loops count only if all loops are unstable. */
+  /* Return the range of a signal in all runs, including 0. Unstable loops count only if all loops are unstable. */
   function rangeOf(shown, key, which) {
     const calm = shown.filter((s) => s.stable);
     let low = 0, high = 0;
@@ -106,20 +106,20 @@
     return [low - 0.06 * (high - low || 1), high + 0.06 * (high - low || 1)];
   }
 
-  /* Return a signal up to the end of the axis. The last point may lie beyond the end. */
+  /* Return a signal up to the end of the axis. The last point may lie beyond. */
   function until(run, key, end) {
     const count = run.t.findIndex((time) => time >= end) + 1 || run.t.length;
     return { x: run.t.subarray(0, count), y: run[key].subarray(0, count) };
   }
 
-  /* Return the values of a curve slightly beyond the frame, which clips them. */
+  /* Return a curve up to slightly beyond the frame, which clips it. */
   function along(curve, [low, high], f) {
     const x = [], y = [];
     curve.w.forEach((w, k) => { if (w > 0.8 * low && w < 1.25 * high) { x.push(w); y.push(f(curve, k)); } });
     return { x, y };
   }
 
-  /* Draw the plots that have a place. `places` contains elements by the name of the plot. */
+  /* Draw the plots that have an element in `places`, by name. */
   function drawPlots(places, process, shown, { ms, record, handles = {} }) {
     const end = process.end;
     const run = (key, which, share = 1) => ({
@@ -164,7 +164,7 @@
     }
   }
 
-  /* Columns of tables: a name, the number of a design, and true if an unstable loop has this number. */
+  /* Columns of tables: name, number of a design, and true if an unstable loop has this number. */
   const degrees = (radians) => (radians * 180) / Math.PI;
   const NUMBERS = {
     iae: ["IAE load", (s) => s.iae], iaeSetpoint: ["IAE set point", (s) => s.iaeSetpoint], ms: ["Ms", (s) => s.ms], mks: ["Mks", (s) => s.mks],
@@ -183,13 +183,13 @@
   /* Return the head of a column. A formula may break at its fraction bar. */
   const heading = (text) => ["th", { scope: "col" }, ...text.split(/(?<=\/)/).flatMap((part, k) => [...(k ? [["wbr", {}]] : []), ...marked(part)])];
 
-  /* Return the sentence on the noise of a table. It is the same for all rows. */
+  /* Return the sentence on the noise, for all rows of a table. */
   function noiseMeant(shown, process) {
     const none = shown.some((s) => s.stable && Number.isNaN(s.sigma)) ? " A dash (–) means that it is not defined." : "", { gain } = noiseScale(process);
     return `Relative noise gain: σ(u)/σ(n) for white noise sampled every ${digits(shown[0]?.noiseTime)}, divided by the ultimate gain ${digits(gain)}.${none}`;
   }
 
-  /* Return the columns that exist for a loop. An unstable loop has no margins, only numbers of its loop gain. */
+  /* Return the columns of a loop. An unstable loop has no margins, only numbers of its loop gain. */
   const known = (s, keys) => keys.map((key) => NUMBERS[key]).filter(([, , always]) => s.stable || always);
 
   /* Draw the table of numbers. `below` returns a line of words for each row. */
@@ -234,7 +234,7 @@
     },
   };
 
-  /* Raise an error for unknown fields and for wrong types or values. */
+  /* Raise an error for unknown fields and wrong types or values. */
   function require(object, kind) {
     if (object === null || typeof object !== "object" || Array.isArray(object)) throw new RangeError(`its ${kind} must be an object`);
     for (const [key, value] of Object.entries(object)) {
@@ -244,7 +244,7 @@
     }
   }
 
-  /* Return a state from outside after checking all its fields. */
+  /* Check all fields of a state from outside, and return it. */
   function checked(state) {
     require(state, "state");
     const { own, given, designs } = state;
@@ -321,7 +321,7 @@
       this.takeOver(this.host.dataset.state ? checked(JSON.parse(this.host.dataset.state)) : null);
     }
 
-    /* Take over the state in the address. Fields that it leaves out get their defaults. */
+    /* Take over the state in the address. Missing fields get their defaults. */
     hear() {
       this.heard = location.hash;
       let given = null;
@@ -337,7 +337,7 @@
       this.takeOver(given);
     }
 
-    /* Take over parts of a state. A design without a rule is a design by hand. */
+    /* Take over parts of a state. A design without a rule is by hand. */
     takeOver(given) {
       if (!given) return;
       const designs = (given.designs ?? this.state.designs).map((each) => ({ ...DESIGN, ...(each.kind ? { filterOrder: ORDER[each.kind] + 1 } : {}), ...each }));
@@ -351,7 +351,7 @@
       return plant === "own" ? ownPlant(own) : plant === "given" && given ? given : PLANTS[plant] ?? PLANTS.lags3;
     }
 
-    /* Return the end of the time axis, which is the same for all designs. */
+    /* Return the end of the time axis of all designs. */
     conditionsOf({ limited, low, high, antiWindup, trackingTime }) {
       const { sampled, sampleTime, noisy, noise } = this.state;
       return { end: this.process.end, limits: limited ? [low, high] : null, antiWindup, trackingTime, sampleTime: sampled ? sampleTime : 0, noise: noisy ? noise : 0 };
@@ -360,7 +360,7 @@
     /* Return a setting. In a fair comparison all designs share it. */
     knob(key, design = this.design) { return this.state.fair ? this.state[key] : design[key] ?? this.state[key]; }
 
-    /* Return true if gain and filter of a design follow from the common Ms and noise limit. */
+    /* Return true if a design follows from the common Ms and noise limit. */
     onTerms({ rule }) { return this.state.fair && RULES[rule] && !RULES[rule].slow && rule !== "hand"; }
 
     /* Return the design of a rule that needs no search. */
@@ -384,7 +384,7 @@
         if (found.agree < 2) this.problems[k] = `only one of ${found.ends.length} searches found this design: there may be a better one`;
         return { ...design, ...found.design, pending: undefined };
       } catch (error) {
-        // A design that was never found is not shown. Any other design keeps its gains.
+        // A design that was never found is not shown. Other designs keep their gains.
         this.problems[k] = `${error.message}; ${this.onTerms(design) ? "without “fair” the rule uses its own gain; " : ""}${design.pending ? "no design is shown" : "the gains are unchanged"}`;
         return design;
       }
@@ -399,7 +399,7 @@
       if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
     }
 
-    /* Choose another plant. A rule that does not fit it is replaced by the search, with a message. */
+    /* Choose another plant. The search replaces rules that do not fit it, with a message. */
     choosePlant(plant) {
       this.change({ plant, record: plant === "own" ? this.state.record : null });
       const words = [], names = this.names(), designs = this.state.designs.map((design, k) => {
@@ -429,7 +429,7 @@
 
     link() { return write(this.shared()); }
 
-    /* Put the state into the address when controls rest, since a browser permits few changes of it per second. Do not replace
+    /* Put the state into the address when controls rest, since a browser permits few changes per second. Do not replace
        an address that was given in the meantime and is about to be announced. */
     save() {
       if (!this.unsaved || location.hash !== this.heard) return;
@@ -646,7 +646,7 @@
       this.show(this.call(), "pida_designs.py");
     }
 
-    /* Return all designs with their limits, sampling and noise as Python, and remarks on omissions. Only numbers and quoted names
+    /* Return all designs with their limits, sampling and noise as Python, with remarks on omissions. Only numbers and quoted names
        from the state enter the script. */
     call() {
       const { num, den, delay, end } = this.process, { designs, sampled, noisy } = this.state, names = this.names(), h = Number(this.state.sampleTime);
@@ -770,7 +770,7 @@
       drawPlots(this.plots, this.process, shown, { ms, record: this.state.record, handles });
     }
 
-    /* Announce the result and save the state in the address, as soon as no control moves. */
+    /* Announce the result and save the state in the address when no control moves. */
     announce() {
       clearTimeout(this.speaking);
       const s = this.current, name = s?.name, problem = this.problems[this.state.chosen];

@@ -4,7 +4,7 @@
 (function () {
   "use strict";
   const { simulate, simulateSampled } = globalThis.pidalabEngine, { uniform } = globalThis.pidalabModel;
-  const draw = globalThis.pidalabPlot, { element, marked } = draw, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // kinds with the numbers of their looks
+  const draw = globalThis.pidalabPlot, { element, marked } = draw, KINDS = { PI: 4, PID: 1, PIDA: 0 }; // kinds, and the numbers of their colours and dashes
   const PROCESS = { num: [1], den: [1, 3, 3, 1], delay: 1 }, FINE = 10; // steps of a loop while a value of the noise is held
 
   class Landing {
@@ -58,7 +58,7 @@
       draw(u, { title: "Control signal u, with noise", x: time, y: { range: [-1.6, 0.4] }, lines: lines("u") });
       this.bar.value = k;
       this.bar.setAttribute("aria-valuetext", `relative noise gain ${this.limits[k]}`);
-      // If a lower limit gives the same controller, the controller does not use the higher limit.
+      // The controller does not use a limit if a lower limit gives the same controller.
       const idle = ["PI", "PID"].filter((kind) => k && this[kind][k][0] === this[kind][k - 1][0]);
       const key = (kind) => element("span", { class: "landing-key" }, element("span", { class: `lab-key lab-key-${KINDS[kind]}` }), ` ${kind} ${this[kind][k][0].toFixed(2)}`);
       this.words.replaceChildren(`Relative noise gain ${this.limits[k]}. IAE:`,

@@ -1,6 +1,6 @@
-/* Live figures: a <div class="pidalab-live"> of a page becomes a figure with controls, made of the lab's parts. Readers without
-   JavaScript see the content of the div. If that is a figure with a caption, controls and plots replace its image. The figure
-   keeps its number, and its caption unless the live figure has one. The options are JSON, in the attribute data-live or in a
+/* Live figures: a <div class="pidalab-live"> of a page becomes a figure with controls. Readers without JavaScript see the
+   content of the div. If this is a figure with a caption, controls and plots replace its image. The figure keeps its number,
+   and its caption unless the live figure has one. The options are JSON, in the attribute data-live or in a
    script inside the div (`pidalab.plots.live` writes such a script):
 
      plant     key of a plant, or {num, den, delay, end}
@@ -31,7 +31,7 @@
       this.draw();
     }
 
-    /* Return the object and the name of its field that a knob changes. */
+    /* Return the object and the field that a knob changes. */
     places({ key, design }) {
       const { state } = this, [first, second] = key.split(".");
       if (first === "plant") return [[this.process, second]];
@@ -62,7 +62,7 @@
       this.host.addEventListener("lab-refused", ({ detail }) => { this.trouble.textContent = detail; });
       const caption = element("p", { class: "lab-caption" }, ...marked(state.caption ?? ""));
       if (state.lab) caption.append(" ", (this.link = element("a", {}, "Open in the lab.")));
-      const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // with an odd number, the table fills the last place
+      const plots = Object.values(this.plots), odd = plots.length > 1 && plots.length % 2; // after an odd number of plots, the table fills the last place
       const grid = element("div", { class: "lab-plots" }, ...plots, ...(odd ? [this.table] : []));
       const parts = [element("div", { class: "lab-knobs" }, ...this.knobs), this.live, grid, ...(odd ? [] : [this.table])];
       const figure = this.host.querySelector("figure");

@@ -27,7 +27,7 @@
     "inverse": { name: "inverse response: (1−s)/(s+1)³", num: [-1, 1], den: lags(3), delay: 0, end: 40 },
   };
 
-  /* Return the user's plant: gain, up to three lags or an oscillating pair and a lag, a zero, an integrator, a dead time. */
+  /* Return the user's plant: gain, up to three lags (or an oscillating pair and a lag), a zero, an integrator, a dead time. */
   function ownPlant({ gain, t1, t2, t3, damping, zero, integrating, delay }) {
     const pair = damping < 1 ? [t1 * t1, 2 * damping * t1, 1] : multiply([t1, 1], [t2, 1]);
     let den = multiply(pair, [t3, 1]);
@@ -94,7 +94,7 @@
     return null;
   }
 
-  /* Return sample time of measurement noise and unit of the noise gain, as pidalab.noise_scale does. They are a hundredth of the
+  /* Return the sample time of measurement noise and the unit of the noise gain, as pidalab.noise_scale does: a hundredth of the
      ultimate period, and the ultimate gain. Without an ultimate period, use the sum of time constants and dead time, and
      1/|static gain|. Return NaN if a plant has neither a time constant nor a dead time. */
   const noiseScale = remembering(REMEMBERED, ({ num, den, delay }) => {
@@ -107,7 +107,7 @@
     return time ? { sampleTime: time / NOISE_SAMPLES, gain: 1 / (Math.abs(gainOf(process)) * Math.pow(time, integratorsOf(process))) } : { sampleTime: NaN, gain: NaN };
   });
 
-  const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples of an impulse response, and the share of its squares in the second half
+  const FIRST_TAIL = 2048, LONGEST_TAIL = 1 << 20, FADED = 1e-7; // samples of an impulse response, and the allowed share of its squares in the second half
 
   /* Return the standard deviation of u for held white measurement noise of standard deviation 1. It is the root of the sum of
      squares of the response to one sample. Return NaN if this response does not decay. */
@@ -124,7 +124,7 @@
     return NaN;
   }
 
-  /* Return the noise gain with a sample time. If the filter is faster than a sample, or if the sampled loop is unstable, the
+  /* Return the noise gain with a sample time. If the filter is faster than a sample, or the sampled loop is unstable, the
      controller is discretised by differences. */
   function noiseGainAt(process, design, sampleTime) {
     if (!(sampleTime > 0) || atOnce(process)) return NaN;
@@ -183,7 +183,7 @@
       const [first, middle, last] = [0, 1, 2].map((k) => largest(s.slice(k * third, (k + 1) * third)));
       if (last < 0.1 * middle || last < 1e-6 * first) break;
       if (!(last < middle) && grew) return none;
-      grew = !(last < middle); // a single rise may be due to a beat
+      grew = !(last < middle); // a beat may cause a single rise
       span *= 2;
     }
     const gain = (which, { re, im, control }, k) => (which ? control[k] : 1) / Math.hypot(1 + re[k], im[k]), { w } = curve;
@@ -197,7 +197,7 @@
     return { ...none, ms, mks, stable: true };
   }
 
-  /* Return the phase margin at the first gain crossover in degrees. Also return the largest |L| at higher frequencies, which a
+  /* Return the phase margin at the first gain crossover in degrees, and the largest |L| at higher frequencies, which a
      plot of the usual frequencies does not show. */
   function beyondCrossover(process, own, { w, size: sizes } = frequencyResponse({ process, controller: own })) {
     const at = (x) => { const { re, im, size } = frequencyResponse({ process, controller: own, w: [x] }); return { phase: (Math.atan2(im[0], re[0]) * 180) / Math.PI, size: size[0] }; };
@@ -211,7 +211,7 @@
     return { first: phase > 0 ? phase - 180 : phase + 180, hump };
   }
 
-  /* Return what does not depend on steps, limits and noise: margins, curves, and the relative noise gain. */
+  /* Return margins, curves and the relative noise gain, which do not depend on steps, limits and noise. */
   const character = remembering(REMEMBERED, ({ num, den, delay }, design, sampleTime, end) => {
     const process = { num, den, delay }, own = controller(design), curve = sampleTime ? sampledResponse({ process, controller: own, sampleTime }) : frequencyResponse({ process, controller: own });
     const found = sampleTime ? sampledMargins({ process, controller: own, sampleTime, end }, curve) : margins({ process, controller: own });
@@ -220,7 +220,7 @@
     return { ...found, noise: () => (noise ??= noiseOf()), beyond: () => (beyond ??= sampleTime ? {} : beyondCrossover(process, own, curve)), curve };
   });
 
-  const LEAST_OVERSHOOT = 5e-5; // smaller values are rounding or the end of a slow rise
+  const LEAST_OVERSHOOT = 5e-5; // smaller: rounding or the end of a slow rise
   const PER_PERIOD = 20, MOST_POINTS = 40000; // number of points of a response, per ultimate period and in total
 
   /* Refuse responses whose area under y is wrong. The integral gain determines the area, since at rest u is the integral. */
@@ -251,7 +251,7 @@
     };
   });
 
-  /* Return everything that the lab shows of one design on one plant. Results in view stay stored while others change. With a
+  /* Return everything that the lab shows of one design on one plant. Visible results stay cached. With a
      digital controller the noise has its sample time. Otherwise the plant determines the sample time of the noise. */
   function study(process, design, conditions) {
     const { sampleTime = 0, end } = conditions, found = character(process, design, sampleTime, end);
@@ -259,7 +259,7 @@
     return { design, ...found, sigma, noiseTime: sampleTime || noiseScale(process).sampleTime, ...answers(process, design, conditions) };
   }
 
-  /* Return noise that is uniform between −size and size. It is the same at every call. */
+  /* Return uniform noise between −size and size, the same at every call. */
   function uniform(size, count) {
     const noise = new Float64Array(count);
     for (let k = 0, state = 12345; k < count; k++) {
@@ -310,13 +310,13 @@
         to = fine[Math.min(at + 1, 40)];
       }
       const found = margins({ process, controller: controller({ ...design, kp: sign * best * (1 - 1e-9) }) });
-      if (found.stable && found.ms < ms * 1.001) largest = sign * best * (1 - 1e-9); // its margins are stored now
+      if (found.stable && found.ms < ms * 1.001) largest = sign * best * (1 - 1e-9); // its margins are cached now
       else if (largest !== null) break;
     }
     return largest;
   }
 
-  /* Return the gain of a plant, without its integrator. */
+  /* Return the gain of a plant without its integrator. */
   const gainOf = ({ num, den }) => num[num.length - 1] / den[den.findLastIndex((c) => c !== 0)];
 
   /* Return the lags of a plant, the slowest first, and true if it integrates. The rules below require real, stable lags. */
@@ -327,7 +327,7 @@
     // With den = c ∏ (1 + T s) the lags are minus the roots of the reversed polynomial.
     const found = rest.length > 1 ? roots(rest.slice().reverse()) : [];
     const size = Math.max(0, ...found.map(([re, im]) => Math.hypot(re, im)));
-    // Rounding spreads a lag of order n over a small circle. In contrast, an oscillating pair is far from the axis.
+    // Rounding spreads a lag of order n over a small circle. An oscillating pair is far from the axis.
     if (found.some(([re, im]) => -re <= 0 || Math.abs(im) > 0.05 * size)) throw new RangeError("this rule needs real, stable lags");
     return { lags: found.map(([re]) => -re).sort((a, b) => b - a), integrating };
   }
@@ -347,8 +347,7 @@
     return { lags: own, delay, integrating };
   }
 
-  /* SIMC (Skogestad 2003): PI for one lag, PID for two. The PID is computed in series form and returned in standard form. tc is
-     the requested closed-loop time constant. */
+  /* SIMC (Skogestad 2003) with the closed-loop time constant tc: PI for one lag, PID for two, in standard form. */
   function simc(process, design, tc) {
     const order = ORDER[design.kind];
     if (order > 1) throw new RangeError("SIMC has no PIDA");
@@ -495,8 +494,8 @@
     r < 0.4 ? 2.2122 * r ** 0.52 - 0.3 : -0.975 + 0.91 * (r - 1.845) ** 2 - Math.expm1(-xi / (0.15 + 0.33 * r)) * (5.25 - 0.88 * (r - 2.8) ** 2),
     -1.9 + 1.576 * r ** -0.53 - Math.expm1(-xi / (-0.15 + 0.939 * r ** -1.121)) * (1.45 + 0.969 * r ** -1.171)];
 
-  /* For each rule: its name, its parameter, and a function that makes a design from a plant, a design and the parameter. If the
-     gain of a rule is searched or tested, `shape` is the design before this step. */
+  /* For each rule: name, parameter, and a function that makes a design from a plant, a design and the parameter. If the
+     gain of a rule is searched or tested, `shape` is the design before. */
   const RULES = {
     hand: { name: "by hand", knob: null, apply: (process, design) => design },
     optimum: {
@@ -515,10 +514,10 @@
 
   // --- equal terms --------------------------------------------------------------------------------------------------
 
-  const LONGEST = 1 / 4, FILTER_TIMES = 24; // longest filter time over the end of the time axis (the shortest is a sample of the noise); number of filter times
+  const LONGEST = 1 / 4, FILTER_TIMES = 24; // longest filter time / end of the time axis (the shortest is a sample of the noise); number of filter times
   const MET = 2e-4, CLOSE = 0.05; // tolerances of the noise limit, in logarithms
 
-  /* Estimate the largest gain of a shape with Ms, which is the upper end of the first gap, and the noise gain with it. The error
+  /* Estimate the largest gain of a shape with Ms (the upper end of the first gap) and its noise gain. The error
      is a few hundredths. If the dead time turns too far between two frequencies, every phase is assumed to occur. */
   function roughly(process, shape, ms, w, sampleTime) {
     const own = controller({ ...shape, kp: Math.sign(gainOf(process)) }), { re, im, control } = frequencyResponse({ process, controller: own, w });
@@ -527,7 +526,7 @@
       const along = wide * x > 1 ? -size[k] : re[k], root = along * along - size[k] * size[k] * (1 - 1 / (ms * ms));
       return along < 0 && root >= 0 ? [-1, 1].map((sign) => (-along + sign * Math.sqrt(root)) / (size[k] * size[k])) : null;
     });
-    // With two integrators, the lowest frequencies exclude small gains, up to the frequency at which there is phase lead.
+    // With two integrators, the lowest frequencies exclude small gains, up to the frequency at which phase lead begins.
     const slow = forbidden.indexOf(null), least = Math.max(0, ...forbidden.slice(0, slow).map(([, high]) => high));
     const gain = Math.min(...forbidden.slice(slow).filter(Boolean).map(([low]) => low));
     if (slow < 0 || (slow > 0 && im[slow] > 0) || !(gain > least)) throw new RangeError(`no gain gives this shape a stable loop with a maximum sensitivity of ${ms}`);
@@ -550,7 +549,7 @@
     return fa > fb ? a : b;
   }
 
-  /* Return the design of a rule on equal terms, much as pidalab.compare does. The ratios of its gains are those of the rule, and
+  /* Return the design of a rule on equal terms, much as pidalab.compare does. The rule determines the ratios of the gains, and
      Ms determines the gain. Filters with a relative noise gain of at most `noise` are allowed. The one with the largest integral
      gain is used. */
   const alike = remembering(REMEMBERED, ({ num, den, delay, end }, design, { knob, ms, noise }) => {
@@ -560,7 +559,7 @@
     const shapeAt = (x) => shapeOf(process, { ...design, filterTime: Math.exp(x) }, knob);
     const w = Array.from({ length: 351 }, (_, k) => (0.1 / end) * Math.pow(10, k / 50));
     let refused = null;
-    /* Return the integral gain with a filter, or by how much the noise is too large. */
+    /* Return the integral gain with a filter, or the excess of the noise. */
     const worth = (x) => {
       try {
         const shape = shapeAt(x), found = roughly(process, shape, ms, w, sampleTime), loud = Math.log(found.noise / (noise * gain));
@@ -587,7 +586,7 @@
     return made;
   });
 
-  // --- a number as it is entered ------------------------------------------------------------------------------------
+  // --- entered numbers ----------------------------------------------------------------------------------------------
 
   const PLAIN = String.raw`(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:e[-+]?\d+)?`, SPACE = String.raw`\s*`;
   const TOKEN = new RegExp(`${SPACE}(?:(${PLAIN})|(pi|π|e(?![a-z])|exp|sqrt|ln|log10|[-+*/^()]|\\*\\*))`, "iy");

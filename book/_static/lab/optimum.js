@@ -1,7 +1,7 @@
-/* Search the controller with the least IAE after a step of the load, for any plant, order, Ms and relative noise gain.
+/* Search the controller with the least IAE after a load step, for any plant, order, Ms and relative noise gain.
 
    find(process, kind, {ms, noise}) -> {design, iae, ms, noise, ends, agree}. `ends` are the IAE of all descents, the least
-   first. `agree` is the number of descents that ended at the least. The unknowns are the logarithms of the gains and of the
+   first, at which `agree` of them ended. The unknowns are the logarithms of the gains and of the
    filter time, in units of the plant. A fast Fourier transform computes the error from its Laplace transform right of the axis,
    with exact dead time. Another transform computes its slope. The peaks of |S| and the noise gain of the sampled loop are
    limited. Sequential quadratic programming minimises from several starts. A last step makes the limits hold exactly. The
@@ -90,7 +90,7 @@
     sum[gains.length] += order * (wr * (lag * cr[k] - ti * ci[k]) - wi * (lag * ci[k] + ti * cr[k]));
   }
 
-  /* Return a unit of time in which a loop has numbers near 1. It follows from the frequency at which the phase of the plant is
+  /* Return a unit of time in which the numbers of a loop are near 1, from the frequency at which the phase of the plant is
      -135 degrees, or from the frequency up to which the noise limit permits control. */
   function unitOf(process, loud) {
     const poles = roots(process.den), speeds = [...poles, ...roots(process.num)].map(([a, b]) => Math.hypot(a, b)).filter(Boolean);
@@ -267,7 +267,7 @@
       return { value: Math.log(value), slope: () => slopeOfLast(gains, time, value, Math.sign(rest)) };
     }
 
-    /* The slope is that of the last response. */
+    /* Return the slope of the last response. */
     function slopeOfLast(gains, time, value, sign) {
       const slope = new Float64Array(size);
       for (let k = 0; k < SAMPLES; k++) { re[k] = (Math.sign(re[k]) - sign) * (k ? 1 : 0.5) * step * growth[k]; im[k] = 0; }
@@ -380,7 +380,7 @@
 
   const KINDS = Object.keys(ORDER), STARTS = 6, APART = 0.8, SAME = 0.005;
 
-  /* Return the best candidates that differ. They must be stable, near the limits and fast. */
+  /* Return the best different candidates that are stable, near the limits and fast. */
   function startsOf(one, process, ms, loud) {
     const ranked = candidates(one, process).map((x) => ({ x, ...one.limits(x, ms, loud, 0) })).filter(({ stable }) => stable)
       .map(({ x, missed }) => ({ x, cost: 3 * missed - x[0] })).sort((a, b) => a.cost - b.cost).slice(0, 60)
@@ -399,7 +399,7 @@
       return end;
     };
     for (const start of startsOf(one, process, ms, loud)) go(start);
-    const lower = below?.best; // start with hardly any of the highest derivative, and with some
+    const lower = below?.best; // start with hardly any highest derivative, and with some
     if (lower) for (const share of [-6, -1.5]) go([...lower.x.slice(0, -1), lower.x[order] + share, lower.x[order + 1]]);
     ends.sort((a, b) => a.value - b.value);
     // Try neighbouring local optima, which have another filter time or, for a PIDA, more or less acceleration at equal noise.
@@ -418,7 +418,7 @@
       ends.sort((a, b) => a.value - b.value);
     };
     further();
-    // While only one start has found the best end, try further starts near it.
+    // While only one start has found the best end, try more starts near it.
     const lone = () => ends.length && !(ends[1]?.value < ends[0].value + Math.log(1 + SAME));
     for (let round = 0; round < 3 && lone(); round++) {
       const { x } = ends[0], shaken = uniform(1, 3 * (round + 1) * x.length);
@@ -428,7 +428,7 @@
     return { one, ends, best: ends[0] };
   }
 
-  /* Make the limits hold between grid points, too. Each pass reduces the limits slightly. The last resort is to reduce the
+  /* Make the limits hold between grid points, too. Each pass tightens the limits slightly. The last resort is to reduce the
      integral gain or all gains. */
   function finished(process, one, start, ms, noise) {
     const { gain } = noiseScale(process);
@@ -452,7 +452,7 @@
     return null;
   }
 
-  /* Return the IAE after a unit load step until the response has settled. The integral of the error gives the remainder. */
+  /* Return the IAE after a unit load step: until the response has settled, and the remainder from the integral of the error. */
   function settled(process, design, unit) {
     const own = controller(design), end = 100 * unit, { t, y } = simulate({ process, controller: own, end, points: 4001, load: 1 });
     let sum = 0;
@@ -476,7 +476,7 @@
         const best = finished(upright, found.one, end, ms, noise);
         if (!best) continue;
         const iae = settled(upright, best.design, unit);
-        if (iae > 1.02 * Math.exp(end.value) && factor < 64) break; // the response was longer than the horizon
+        if (iae > 1.02 * Math.exp(end.value) && factor < 64) break; // the response exceeded the horizon
         const ends = found.ends.map(({ value }) => Math.exp(value - found.best.value));
         return { design: { ...best.design, kp: sign * best.design.kp }, iae, ms: best.ms, noise: best.noise, ends, agree: ends.filter((x) => x < 1 + SAME).length };
       }

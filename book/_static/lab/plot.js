@@ -1,4 +1,4 @@
-/* Line plots as plain SVG, with axes and with lines that differ in dash as well as in colour.
+/* Line plots as plain SVG. Lines differ in dash as well as in colour.
 
    pidalabPlot(host, {title, x: {label, log, range}, y: {…}, lines: [{x, y, kind, name}], equal}) draws into the element `host`.
    A second call moves the lines, and draws the axes again if they changed. An axis has a `range`, or shows what its lines need;
@@ -11,7 +11,7 @@
   "use strict";
   const WIDTH = 440, HEIGHT = 270, LEFT = 56, RIGHT = 10, TOP = 26, BOTTOM = 40;
 
-  /* Create a part of the page from its description, which is a text or [name, attributes, ...descriptions of its children]. */
+  /* Create a part of the page from its description, a text or [name, attributes, ...descriptions of its children]. */
   function create(parent, wanted) {
     if (typeof wanted === "string") return document.createTextNode(wanted);
     const made = document.createElementNS(parent.namespaceURI, wanted[0]);
@@ -34,16 +34,16 @@
     for (let k = wanted.length; k < before.length; k++) part.lastChild.remove();
   }
 
-  const shown = new WeakMap(); // the description of what each place shows
+  const shown = new WeakMap(); // the description of each place
 
-  /* Show descriptions in a place. Nothing else may change the children of this place. */
+  /* Show descriptions in a place, whose children nothing else may change. */
   function show(place, ...inside) {
     const wanted = ["", {}, ...inside];
     alter(place, wanted, shown.get(place));
     shown.set(place, wanted);
   }
 
-  /* Create an element with attributes. Names that begin with "on" add listeners. */
+  /* Create an element. Attributes that begin with "on" add listeners. */
   function element(name, attributes = {}, ...children) {
     const made = document.createElement(name);
     for (const [key, value] of Object.entries(attributes)) {
@@ -102,7 +102,7 @@
     return (Math.abs(text) >= 1e5 ? text.toExponential(0) : String(text)).replace("-", "−");
   };
 
-  /* Round a range outwards to a fifth of the step of its ticks, or to a tenth of a decade. So the axis rests while a curve moves
+  /* Round a range outwards to a fifth of a tick or a tenth of a decade, so that the axis rests while a curve moves
      slightly. */
   function rounded([low, high], log) {
     if (log) return [Math.pow(10, Math.floor(10 * Math.log10(low)) / 10), Math.pow(10, Math.ceil(10 * Math.log10(high)) / 10)];
@@ -110,7 +110,7 @@
     return [Math.floor(low / step) * step, Math.ceil(high / step) * step];
   }
 
-  /* Return the points of a line that are visible. Of many points within a unit of width, these are the first, the lowest, the
+  /* Return the visible points of a line. Of many points within a unit of width, these are the first, the lowest, the
      highest and the last. */
   function visible(across, up) {
     const kept = [];
@@ -130,7 +130,7 @@
 
   const place = ({ log, start, each }, value) => start + each * (log ? Math.log10(value) : value);
 
-  /* Return the path of a line. With `stairs` the path first goes along, then up. */
+  /* Return the path of a line. With `stairs` it first goes along, then up. */
   function path({ x, y, stairs }, px, py) {
     const limit = (value) => Math.max(-9999, Math.min(9999, value));
     let drawn = "", across = [], up = [];
@@ -204,7 +204,7 @@
     return low;
   }
 
-  /* Draw what lies in front of the lines: handles, the box of a zoom, and the values at a place. */
+  /* Draw in front of the lines: handles, the box of a zoom, and the values at a place. */
   function showFront(found) {
     const { px, py, at, box, picture: { lines, notes = [], handles = [] } } = found, parts = [], words = [];
     for (const { x, y, words, anchor = "middle", below } of notes) parts.push(["text", { x: word(place(px, x)), y: word(place(py, y) + (below ? 24 : -9)), "text-anchor": anchor }, words]);
@@ -284,7 +284,7 @@
     return found;
   }
 
-  /* Return title, grid and tick labels of a plot. The lines of the grid are a single path. */
+  /* Return title, grid (a single path) and tick labels of a plot. */
   function grid({ title, x, y, xRange, yRange, px, py }) {
     const below = ["tspan", { "baseline-shift": "sub", "font-size": "75%" }];
     const text = (x, y, name, anchor, words) => ["text", { x, y, class: name, "text-anchor": anchor }, ...marked(words, below)];

@@ -7,7 +7,7 @@
   const MISSING = /^(|nan|na|n\/a|null|none|-|bad|bad input|no data|#n\/a|\?)$/i;
 
   const MARKS = [";", "\t", ",", "|", /\s+/];
-  const LONGEST_LINE = 20000, LONGEST_ENTRY = 60, LOOKED_AT = 100; // characters of a line and of an entry, rows that are inspected at both ends
+  const LONGEST_LINE = 20000, LONGEST_ENTRY = 60, LOOKED_AT = 100; // characters of a line and of an entry; rows inspected at both ends
 
   /* Return a time or a date in seconds, or NaN. */
   function stamp(text) {
@@ -48,8 +48,8 @@
     return { rows: best, names: words.length === width ? words : Array.from({ length: width }, (_, k) => `column ${k + 1}`), named: words.length === width };
   }
 
-  /* Return times, inputs and outputs from the chosen columns. By default these are the first three. With two columns they are
-     time and output after a unit step at the first time. Rows with a missing value are left out, times are sorted, and values at
+  /* Return times, inputs and outputs from the chosen columns, by default the first three. Two columns are
+     time and output, after a unit step of the input at the first time. Rows with a missing value are left out, times are sorted, and values at
      equal times are averaged. */
   function readRecord(text, chosen = [0, 1, 2]) {
     const lines = text.split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));

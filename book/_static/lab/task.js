@@ -1,6 +1,6 @@
 /* Tasks: a <div class="pidalab-task"> with its data in a script gets fields, a button and a verdict. The hint unfolds after the
    second wrong try, and the answer after the third. The browser stores entries and solved tasks. A <div class="pidalab-steps">
-   shows one of its tasks at a time. */
+   shows its tasks one at a time. */
 (function () {
   "use strict";
   const { judge } = globalThis.pidalabJudge;
@@ -23,7 +23,7 @@
     try { return JSON.parse(localStorage.getItem(keyOf(label))) ?? {}; } catch { return {}; }
   }
   function keep(label, state) {
-    try { localStorage.setItem(keyOf(label), JSON.stringify(state)); } catch { /* entries are then kept until the page is left */ }
+    try { localStorage.setItem(keyOf(label), JSON.stringify(state)); } catch { /* then the page keeps entries until it is left */ }
   }
 
   // --- searches, in a worker, since they take a second-------------------------------------------------------------------

@@ -22,7 +22,7 @@
   const reset = button("Reset", () => { cells.forEach(restore); restart("Reset. All cells show their stored code and output."); }, true);
   const bar = el("div", { className: "pidalab-run-bar" }, begin, all, stop, reset, progress, status);
 
-  /** Return the bytes of one file, unpacked if its name ends with .gz. The browser's cache keeps fetched files. */
+  /** Return the bytes of a file, unpacked if its name ends with .gz. The browser caches it. */
   async function fetched(store, url, count) {
     const answered = async () => {
       const response = await fetch(url);
@@ -32,7 +32,7 @@
     const counted = () => new TransformStream({ transform(part, out) { count(part.length); out.enqueue(part); } });
     let kept = await store?.match(url);
     if (!kept && store) {
-      // The file is written to the cache and read again, so that memory holds only one copy.
+      // Write the file to the cache and read it again, so that memory holds only one copy.
       await store.put(url, new Response((await answered()).body.pipeThrough(counted()))).catch(() => null);
       kept = await store.match(url);
     } else if (kept) count(Number(kept.headers.get("content-length")));
@@ -102,7 +102,7 @@
     }
   }
 
-  /** Add a toolbar to each cell that shows its code. Other cells run just before the next cell with a toolbar. */
+  /** Add a toolbar to each cell that shows its code. Hidden cells run just before the next such cell. */
   function prepare(sources) {
     const plain = (text) => text.replace(/\s+/g, "");
     const blocks = [...document.querySelectorAll("div.cell > .cell_input pre, div.cell > details .cell_input pre")];
@@ -142,7 +142,7 @@
     cell.output.replaceChildren();
   }
 
-  /** Run a cell. First run all earlier cells that have not run since they, or cells before them, changed. */
+  /** Run a cell, after all earlier cells that have not run since they or cells before them changed. */
   function runUpTo(number, again = false) {
     if (again) cells[number].ran = false;
     const mine = session;

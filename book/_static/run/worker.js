@@ -1,4 +1,4 @@
-// One interpreter for one page. It receives the compiled engine and the packed files, and answers calls of `session.py`.
+// Run the interpreter of a page. It receives the compiled engine and the packed files, and answers calls of `session.py`.
 const say = (kind, value) => postMessage([kind, value]);
 const bytes = (text) => new TextEncoder().encode(text);
 let turn;

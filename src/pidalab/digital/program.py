@@ -1,4 +1,4 @@
-"""The step of a digital controller as a list of statements for its actions and options.
+"""Describe the step of a digital controller as a list of statements, which depends on its actions and options.
 
 This is the only description of the step. It is written as code in several languages, run as Python by ``step``, and
 compiled for simulations (`pidalab.simulation.operations`). The order of the statements is: checks of the inputs,
@@ -128,8 +128,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    With `block`, a filter outside the program computes `summed` from the error. The result is cached and shared, so do
-    not change it.
+    With `block`, `summed` comes from a filter outside the program, whose input is the error. The result is cached and
+    shared, so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}

@@ -109,14 +109,12 @@ def three_point(
 
         model = three_point(pidalab.Record(t, u, y))
 
-    An offset of y has no effect, but noise has an effect. The rest value of an array is a single sample, and a level
-    counts as reached at the first sample above it. The model is useful if the noise is at most about 1 % of the change.
-    For more noise use `pidalab.identification.fit`, which uses all samples.
+    An offset of y has no effect. The model is useful if the noise is at most about 1 % of the change. For more noise
+    use `pidalab.identification.fit`, which uses all samples.
 
     The formulas of eq. (5) lose a dead time that is short compared with the dominant lag. With τ = 1, L = 0.25 and
-    α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %. However, the controller
-    that the paper's rule gives for this model and Ms = 1.4 reaches Ms = 2.99 with the process. `excess_gain` shows this
-    error.
+    α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %, but the controller that
+    the paper's rule gives for this model and Ms = 1.4 has Ms = 2.99 with the process. `excess_gain` shows this error.
 
     Raises
     ------
@@ -203,8 +201,8 @@ def ipdt_tangent(
     span : float, optional
         Length of the segment in time, rounded to whole steps of t. The default is one sample interval, which suits a
         record without noise. The relative errors of slope and dead time are then of the order of the squared sample
-        time, or of the sample time if the record is steepest at a corner. In a noisy record the slope of a short
-        segment is mostly noise. Give a longer `span`. A line is then fitted by least squares. For a Record with noise
+        time, or of the sample time if the record is steepest at a corner. For a noisy record give a
+        longer `span`. A line is then fitted by least squares. For a Record with noise
         the default is a third of the rise time.
 
     Returns
@@ -374,9 +372,8 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
 
     Notes
     -----
-    If the ramp starts between two samples, the sums over the later samples do not depend on its start. The best start
-    and slope are therefore given by a regression line, with the start clipped to the interval. The best result of all
-    intervals and their ends is returned.
+    For a ramp that starts between two given samples, a regression line through the later samples gives the best start
+    and slope. The start is clipped to the interval. The best result of all intervals and their ends is returned.
     """
     # Each entry is the sum over the samples from the i-th on.
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))

@@ -105,8 +105,8 @@ class Check:
     def loss(self) -> float:
         """100 * (IAE / (IAE of the best gains with the same kind, Ms and noise gain) - 1), for a step of the load.
 
-        It is below 0 if the running gains are better than those that the search found. (The search uses no filter
-        faster than the sample time.) It is nan if the search found no gains.
+        The loss is below 0 if the running gains are better than those that the search found, and nan if the search
+        found no gains. (The search uses no filter faster than the sample time.)
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -238,9 +238,9 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
 
     Notes
     -----
-    The controller is run with the logged output and without the set point, which is unknown. While the set point is
-    constant, it only adds a constant to the changes of the computed signal from sample to sample. Subtracting the
-    running median removes this constant. The remaining changes of the computed signal and of u must agree. Samples at
+    The controller is run with the logged output and without the set point, which is unknown. A constant set point only
+    adds a constant to the change of the computed signal in each sample. Subtracting the running median removes this
+    constant. The remaining changes of the computed signal and of u must agree. Samples at
     the largest or smallest u may be clipped, and are left out. A log may store the u of the previous sample, so both
     alignments are tried.
     """

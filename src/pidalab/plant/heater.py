@@ -1,8 +1,7 @@
 """Run the Temperature Control Lab, a board with two heaters, on the real board or in simulation.
 
 The package ``tclab`` (``pip install tclab``) provides both. The control signal is the power of heater 1 in per cent,
-and the output is the temperature of thermistor 1 in degrees Celsius. Heater 2, a few centimetres away, is the load. A
-simulated hour takes a fraction of a second.
+and the output is the temperature of thermistor 1 in degrees Celsius. Heater 2, a few centimetres away, is the load.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class Lab:
             self._device.close()
 
     def hold(self, power: float = 0.0, duration: float = 1200.0) -> None:
-        """Hold heater 1 at a constant power with heater 2 off, so that the board warms up or cools down.
+        """Hold heater 1 at a constant power with heater 2 off.
 
         Parameters
         ----------
@@ -205,7 +204,7 @@ class Lab:
             # The board clips powers to 0 to 100. Q1 returns the clipped power.
             u[k] = self._device.Q1(heater(k, float(y[k])))
             self._device.Q2(float(load[k]))
-        # The last control signal must act for one sample before another run may follow.
+        # Let the last control signal act for one sample.
         self._wait_until(start + t[-1] + t[1])
         return u, y
 

@@ -85,7 +85,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     Notes
     -----
     In a steady oscillation the first Fourier coefficients of whole periods give :math:`P(j\omega) = Y_1/U_1` for any
-    form and bias of u. Therefore :math:`K_u = |U_1/Y_1|`. The usual :math:`4 d/(\pi a)` assumes that u is a square wave
+    form and bias of u, and :math:`K_u = |U_1/Y_1|`. The usual :math:`4 d/(\pi a)` assumes that u is a square wave
     and y a sine.
 
     Examples
@@ -150,7 +150,7 @@ def models_of(ku: float, tu: float) -> dict[str, Process]:
 
 
 def rule_table(ku: float, tu: float) -> list[tuple[str, str, PIDA, list[float]]]:
-    """Return rule, kind, controller, and its Ms with each of `models_of`. Ms is infinite where the loop is unstable.
+    """Return rule, kind, controller, and its Ms with each model of `models_of`, infinite for an unstable loop.
 
     Examples
     --------

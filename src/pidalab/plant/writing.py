@@ -12,7 +12,7 @@ PREFIX = ".pidalab-"  # prefix of the hidden folder that holds files until they 
 
 
 def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:
-    """Write texts as files of a folder. Write all of them or none.
+    """Write texts as files of a folder, all of them or none.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
 
     Notes
     -----
-    The files are first written to a hidden folder beside their final places. They are renamed after the last file is on
-    the disk. If the renaming is interrupted, even by Ctrl-C, the earlier contents are restored.
+    The files are first written to a hidden folder, and renamed after the last file is on the disk. If the renaming is
+    interrupted, even by Ctrl-C, the earlier contents are restored.
 
     Examples
     --------

@@ -256,8 +256,8 @@ def content(k: Parameters) -> dict[str, Any]:
 def checksum(stored: dict[str, Any]) -> str:
     """Return a checksum of the fields of a JSON. Neither the order of fields nor the format of numbers affects it.
 
-    The checksum does not protect against deliberate changes. It finds accidental changes, also of fields that do not
-    affect the test vector.
+    The checksum finds accidental changes, also of fields that do not affect the test vector. It does not protect
+    against deliberate changes.
     """
     fields = {name: value for name, value in stored.items() if name != "checksum"}
     return hashlib.sha256(canonical(fields).encode()).hexdigest()

@@ -20,7 +20,7 @@ ABOUT = {"about", "version", "checksum"}  # these fields do not affect the contr
 def from_json(text: str) -> DigitalController:
     """Read a controller from text that its ``json()`` wrote.
 
-    Nothing in the file is executed or becomes code. The type and range of every field are checked. Coefficients and
+    Nothing in the file is executed. The type and range of every field are checked. Coefficients and
     test vector are computed again, and an error is raised if they differ from the file.
 
     Parameters

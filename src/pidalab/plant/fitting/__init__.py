@@ -89,11 +89,11 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return random plants that the record does not rule out.
 
-        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Up to
-        two others have a further lag. In one of them it is the longest lag that raises the residuals by at most 3 %, in
-        the other it is a medium lag. In a record such a lag resembles a short dead time, but it acts differently in a
-        loop. If the fitted model has equal lags, models with two unequal lags are used too, each with such a further
-        lag. Around each model, the least likely 5 % of the plants are left out.
+        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Up to two
+        others have a further lag, which in a record resembles a short dead time. In one of them the lag is the longest
+        that raises the residuals by at most 3 %, in the other a medium lag. If the fitted model has equal lags, models
+        with two unequal lags are used too, each with such a further lag. Around each model, the least likely 5 % of the
+        plants are left out.
 
         A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
         by a random part of the interval between the samples before and after a change. (An input that moves at every
@@ -152,9 +152,8 @@ class Fit:
     def plants(self, count: int = 21) -> list[Process]:
         """Return the model and random plants that the record does not rule out, for a robust design.
 
-        The plants are those of `spread`. The gain of most plants is raised by 15 %, and the gain of the others is
-        lowered by 15 %. A record shows the gain at one working point only, and a sticking valve moves less than it
-        should.
+        The random plants are those of `spread`, with a gain that is raised or, for fewer plants, lowered by 15 %. A
+        record shows the gain at one working point only.
 
         Parameters
         ----------

@@ -15,8 +15,8 @@ BLIND = (
     1e7  # parameters are not identifiable if the condition number of the scaled sensitivities is above this
 )
 SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this number of standard uncertainties
-# A model must explain this share of the output's variance. Otherwise most of the movement has other causes, and the
-# noise may hide a response of opposite sign.
+# A model must explain this share of the output's variance. With less, the noise may hide a response of
+# opposite sign.
 EXPLAINED = 0.5
 FED_BACK = 0.3  # feedback is assumed if `_agreement` of the changes of u and y is at least this
 COLOURED = 1.5  # if `samples_per_error` is above this, the residuals are not white noise
@@ -118,13 +118,12 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
     Notes
     -----
     White noise does not bias a fit from u to y. Slower disturbances bias it by an amount that the record does not show.
-    The factors were calibrated with simulated loops of random first-order plants, as in the tests. The gain has the
-    largest errors. The 95 % quantile of (error of the gain) / (1.96 standard uncertainties) is 1.22 in 99 loops with
-    white noise, and 6.8 in 114 loops with a wandering load. The factors are these numbers, rounded up. In other random
-    loops, at least 90 % of all intervals contained the true value of their parameter.
+    The factors were calibrated with simulated loops of random first-order plants. The gain has the largest errors. The
+    95 % quantile of (error of the gain) / (1.96 standard uncertainties) is 1.22 in 99 loops with white noise, and 6.8
+    in 114 loops with a wandering load. The factors are these numbers, rounded up. In other random loops, at least 90 %
+    of all intervals contained the true value of their parameter.
     """
-    # Noise passes from y to u within a sample. Compare only signs. A set-point step then weighs no
-    # more than any other sample.
+    # Compare only signs, so that a set-point step weighs no more than any other sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
     by_hand = record.experiment not in (FOLLOWER, MANY_LEVELS, MOVING)
     if by_hand or max(_agreement(du, dy), _agreement(du[1:], dy[:-1])) < FED_BACK:
@@ -155,7 +154,7 @@ def runs_away(record: Record, data: FitData, result: FitResult) -> str:
 def _agreement(a: Array, b: Array) -> float:
     """Return abs(agreements - disagreements) / (agreements + disagreements) of nonzero signs.
 
-    It is near 0 if the signs agree only by chance, and 0 if there are too few.
+    The result is near 0 if the signs agree only by chance, and 0 if there are too few signs.
     """
     both = np.count_nonzero(a * b)
     return abs(float(a @ b)) / both if both > FEWEST else 0.0

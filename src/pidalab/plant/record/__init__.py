@@ -48,8 +48,8 @@ class Noise(NamedTuple):
 class Record:
     """A record of a plant, with times, input and output. The data are cleaned; `doubts` says how.
 
-    Samples with a missing value are left out, times are sorted, and outputs of the same time are averaged. If the time
-    is a counter that restarts, it is continued. Nothing is smoothed or resampled.
+    Samples with a missing value are left out, times are sorted, outputs of the same time are averaged, and a counter
+    that restarts is continued. Nothing is smoothed or resampled.
 
     Parameters
     ----------

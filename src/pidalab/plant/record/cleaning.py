@@ -92,8 +92,8 @@ def cleaned(
 def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
     """Return times by which the samples can be sorted.
 
-    If the time is a counter that restarts, it is continued. An error is raised if the record contains several runs or
-    `t` is not a time axis.
+    A counter that restarts is continued. An error is raised if the record contains several runs or `t` is not a time
+    axis.
     """
     steps = np.diff(t)
     back = steps < 0
@@ -174,9 +174,8 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    A sensor at the end of its range gives an output that stands still to the last digit. Many loggers also
-    repeat the last value of a lost sensor. In contrast, the output of a plant that comes to rest slows down first, and
-    a rounded output stands still between rounding steps. Intervals of these two kinds are not returned.
+    Causes are a sensor at the end of its range, or a logger that repeats the last value of a lost sensor. An interval
+    is not returned if the output slows down before it, or if the output only stands still between rounding steps.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -216,7 +215,7 @@ def outlier_note(y: Array, where: Sequence[str]) -> str:
 def drop_outliers(y: Array, where: Sequence[str]) -> list[str]:
     """Replace outputs that are probably errors of the sensor by NaN.
 
-    Return a list with one doubt (a reservation about the record) that names these outputs, or an empty list.
+    Return a list with one doubt that names these outputs, or an empty list.
     """
     note, still = outlier_note(y, where), standing_still(y)
     y[far_off(y)] = np.nan
@@ -300,8 +299,8 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     peak = int(np.argmax(power))
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
-    # At a constant set point, a controller computes the input from the present output and its integral. If instead the
-    # input is the cause, later outputs explain the input better than present outputs do.
+    # At a constant set point, a controller computes the input from the present output and its integral. In open loop,
+    # later outputs explain the input better than present outputs do.
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
     scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
 

@@ -266,7 +266,7 @@ def _header(
 
 
 def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
-    """Return the names of a header. A name may contain single blanks even if blanks separate the columns."""
+    """Return the names of a header. A name may contain single blanks."""
     wide = re.split(r"\s{2,9}", line.strip()) if mark == r"\s+" else []
     return [name.strip('" ') for name in (wide if len(wide) == count else row)]
 
@@ -327,9 +327,8 @@ def _stamps(
 ) -> tuple[tuple[Array, Array], str, str]:
     """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
 
-    Several formats are tried. The format that reads the most entries is used. If several formats read equally many, the
-    one with the smallest span of time is used. If day and month could be exchanged and the record runs past midnight,
-    this format is the right one.
+    The format that reads the most entries is used. If several formats read equally many, the format with the smallest
+    span of time is used. This finds the order of day and month in a record that runs past midnight.
     """
     import pandas as pd
 
