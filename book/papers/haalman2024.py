@@ -12,7 +12,7 @@ import pidalab
 from pidalab import plots
 from pidalab.rules import haalman
 
-t = np.linspace(0, 60, 6001)  # times of every record, 0.01 apart
+t = np.linspace(0, 60, 6001)  # times of every record
 processes = {"ex1": pidalab.lags(4), "ex2": pidalab.lags(8)}  # eqs. (11), (17)
 kinds = {"pida": "PIDA", "pid": "PID"}
 asked = {"ms14": 1.4, "ms20": 2.0}

@@ -22,7 +22,7 @@ TABLE2 = [(m, n) for m in ORDERS for n in range(max(m, 1), 7)]  # its cells
 DESIGNED = [
     (m, n) for m, n in TABLE2 if n > m
 ]  # eq. (9) determines the pole only in these cells
-UNIT = pidalab.ipdt(gain=1.0, delay=1.0)  # velocity gain and dead time are 1
+UNIT = pidalab.ipdt(gain=1.0, delay=1.0)
 THERMAL = pidalab.ipdt(gain=0.01, delay=5.0)  # model in the captions of Figs 5, 7, 8
 SAMPLE = 0.02  # s, sample time of the experiments
 LAMP = (0.0, 80.0)  # %, limits of the lamp power, sec. V.B

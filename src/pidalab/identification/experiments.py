@@ -372,9 +372,8 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
 
     Notes
     -----
-    If the ramp starts between two samples, the sums over the later samples do not depend on its start. The best start
-    and slope are therefore given by a regression line, with the start clipped to the interval. The best result of all
-    intervals and their ends is returned.
+    For a ramp that starts between two given samples, a regression line through the later samples gives the best start
+    and slope. The start is clipped to the interval. The best result of all intervals and their ends is returned.
     """
     # Each entry is the sum over the samples from the i-th on.
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))

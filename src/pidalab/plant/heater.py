@@ -204,7 +204,7 @@ class Lab:
             # The board clips powers to 0 to 100. Q1 returns the clipped power.
             u[k] = self._device.Q1(heater(k, float(y[k])))
             self._device.Q2(float(load[k]))
-        # The last control signal must act for one sample before another run may follow.
+        # Let the last control signal act for one sample.
         self._wait_until(start + t[-1] + t[1])
         return u, y
 

@@ -73,7 +73,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the record, the model and the designs. One about some of the designs names their kinds."""
+        """Reservations about the record, the model and the designs. Those about only some designs name their kinds."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
@@ -97,7 +97,7 @@ class Report:
 
     @property
     def safety(self) -> str:
-        """A sentence for each kind that says if the loop is safe, and why."""
+        """A sentence for each kind that says whether the loop is safe, and why."""
         return "\n".join(f"{row.kind}: {self._safe(row)}" for row in self.rows)
 
     def _safe(self, row: DesignRow) -> str:

@@ -351,7 +351,7 @@ def plants_within(model: Process | Fit, process: Process, spread: float | None) 
 
 
 def perturbed_plants(process: Process, share: float) -> list[Process]:
-    """Return eight plants. Their gain, dead time, and time scale of poles and zeros each differ by a relative error.
+    """Return eight plants with a relative error of gain, of dead time, and of the time scale of poles and zeros.
 
     Parameters
     ----------

@@ -150,7 +150,7 @@ def models_of(ku: float, tu: float) -> dict[str, Process]:
 
 
 def rule_table(ku: float, tu: float) -> list[tuple[str, str, PIDA, list[float]]]:
-    """Return rule, kind, controller, and its Ms with each of `models_of`. Ms is infinite where the loop is unstable.
+    """Return rule, kind, controller, and its Ms with each model of `models_of`, infinite for an unstable loop.
 
     Examples
     --------

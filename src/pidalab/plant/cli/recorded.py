@@ -88,8 +88,7 @@ def report_command(out: Path | None, force: bool, **options: Any) -> None:
 def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> None:
     """Tune a controller from a plant RECORD, a text file in which the input moves. A step from rest is best.
 
-    The command prints whether the loop is safe. Then it prints the gains, the checks before the start, the doubts and
-    the model.
+    Print whether the loop is safe, and then the gains, the checks before the start, the doubts and the model.
     With --out, also write controller.c, controller.st, controller.py, controller.json and report.html.
 
     \b

@@ -266,7 +266,7 @@ def _header(
 
 
 def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
-    """Return the names of a header. A name may contain single blanks even if blanks separate the columns."""
+    """Return the names of a header. A name may contain single blanks."""
     wide = re.split(r"\s{2,9}", line.strip()) if mark == r"\s+" else []
     return [name.strip('" ') for name in (wide if len(wide) == count else row)]
 
