@@ -204,7 +204,7 @@ def check(
     doubts = [*log.doubts, *fitted.doubts]
     if gains.ki * sign_of_gain(process) < 0:
         raise ValueError(
-            f"controller must have gains of the same sign as the plant, found kp = {gains.kp:.4g} and a plant of gain "
+            f"controller must have gains of the same sign as the plant, found kp = {gains.kp:.4g} for a plant of gain "
             f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
             "the plant: record u as limited by the actuator, and change the set point during the record"
         )
@@ -233,7 +233,7 @@ def check(
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
     """Return how much of the change of u from sample to sample a controller explains, and the best gain.
 
-    The first value is a share from 0 to 1. It is nan if u is constant in most samples, as in open loop. The best gain is
+    The first value is a share from 0 to 1, or nan if u is constant in most samples, as in open loop. The best gain is
     the proportional gain of a least-squares fit.
 
     Notes
