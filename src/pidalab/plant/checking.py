@@ -79,7 +79,7 @@ class Check:
 
     @cached_property
     def rows(self) -> tuple[DesignRow, ...]:
-        """The running gains, the best gains with the same kind, Ms and noise gain, and three suggested sets."""
+        """The running gains; the best gains of the same kind, Ms and noise gain; and three suggested sets."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
@@ -204,9 +204,9 @@ def check(
     doubts = [*log.doubts, *fitted.doubts]
     if gains.ki * sign_of_gain(process) < 0:
         raise ValueError(
-            f"controller must have gains of the sign of the plant's, found kp = {gains.kp:.4g} for a plant of gain "
+            f"controller must have gains of the same sign as the plant, found kp = {gains.kp:.4g} for a plant of gain "
             f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
-            "the plant: log u after the limits of the actuator, and move the set point"
+            "the plant: record u as limited by the actuator, and change the set point during the record"
         )
     share, better = explained_by(controller, output_filter, log)
     if share < EXPLAINED:
@@ -231,10 +231,10 @@ def check(
 
 
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
-    """Return the share of the movement of u between samples that a controller explains, and the best gain.
+    """Return how much of the change of u from sample to sample a controller explains, and the best gain.
 
-    The share is from 0 to 1. It is nan if u is constant in most samples, as in open loop. The best gain is the
-    proportional gain of a least-squares fit.
+    The first value is a share from 0 to 1, or nan if u is constant in most samples, as in open loop. The best gain is
+    the proportional gain of a least-squares fit.
 
     Notes
     -----
