@@ -35,7 +35,6 @@ def test_the_readme_is_valid_on_a_package_index():
 
 
 def test_repository_addresses_agree():
-    """The project's addresses agree with that of the book."""
     repository = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))["sphinx"]["config"][
         "html_theme_options"
     ]["repository_url"]

@@ -55,7 +55,6 @@ def test_prefilter_of_the_controller_matches_prefilter_of_the_loop(name):
 
 
 def test_discretise_includes_the_prefilter_of_a_design():
-    """The prefilter of huba2024 has three lags and a lead."""
     rule = pidalab.rules.automatic_reset
     design = rule.tune(pidalab.ipdt(1.0, delay=1.0), rule.PIDA_1, n=4, filter_time=0.2)
     h = 0.01

@@ -110,7 +110,6 @@ def read_pages(site: Path) -> dict[Path, Page]:
 
 
 def test_every_page_of_the_toc_is_built(toc, site):
-    """Each page has a heading and text, not only the frame."""
     built = read_pages(site)
     pages = {name: built.get(site / f"{name}.html") for name in toc}
     assert [name for name, page in pages.items() if not (page and page.heading and page.words)] == []

@@ -442,7 +442,7 @@
 
   // --- matrices, as arrays of rows ----------------------------------------------------------------------------------
 
-  /* Solve a small linear system, by elimination with the largest pivot. */
+  /* Solve a small linear system by elimination with pivoting. */
   function solve(matrix, right) {
     const rows = matrix.map((row, i) => [...row, right[i]]), n = rows.length;
     for (let p = 0; p < n; p++) {
@@ -456,7 +456,6 @@
     return rows.map((row, i) => row[n] / row[i]);
   }
 
-  /* Return the inverse of a small matrix. */
   function inverted(matrix) {
     const columns = matrix.map((_, j) => solve(matrix, matrix.map((_, i) => (i === j ? 1 : 0))));
     return matrix.map((_, i) => columns.map((column) => column[i]));

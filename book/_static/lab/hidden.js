@@ -8,7 +8,6 @@
   const MS = 1.6, NOISE = 1, SLACK = 1.003, KEY = "step first, then look"; // limits, with a tolerance for answers of three digits
   const SAMPLES = 300, SHARE = 0.02; // number of samples of a step test, and its noise relative to the change
 
-  /* Return a plant by its name. */
   function plantOf(name) {
     const bytes = globalThis.pidalabHiddenData[name].match(/../g).map((pair) => parseInt(pair, 16));
     return JSON.parse(bytes.map((byte, k) => String.fromCharCode(byte ^ KEY.charCodeAt(k % KEY.length))).join(""));
@@ -49,7 +48,6 @@
 });
 globalThis.pidalabScripts.at(-1)();
 
-/* The page. */
 if (typeof document !== "undefined") (function () {
   "use strict";
   const { names, stepTest, judged, plantOf } = globalThis.pidalabHidden, { readNumber } = globalThis.pidalabModel;

@@ -234,7 +234,6 @@
     },
   };
 
-  /* Raise an error for unknown fields and wrong types or values. */
   function require(object, kind) {
     if (object === null || typeof object !== "object" || Array.isArray(object)) throw new RangeError(`its ${kind} must be an object`);
     for (const [key, value] of Object.entries(object)) {
@@ -413,7 +412,6 @@
       this.change({ designs });
     }
 
-    /* Change the chosen design. */
     edit(update) { this.change({ designs: this.state.designs.map((design, k) => (k === this.state.chosen ? { ...design, ...update } : design)) }); }
 
     byHand(update) { this.edit({ pending: undefined, rule: this.design.rule === "gain" && !("kp" in update) ? "gain" : "hand", ...update }); }
@@ -554,7 +552,7 @@
 
     pick({ num, den, delay }) { return { num, den, delay }; }
 
-    /* Choose a design when its card is pressed, and remove it when its cross is pressed. */
+    /* A press on a card chooses its design, and a press on its cross removes it. */
     pressed(target) {
       const card = target.closest("[data-k]"), k = Number(card?.dataset.k), { designs, chosen } = this.state;
       if (!card) return;
@@ -612,7 +610,6 @@
       this.change({ plant: "own", own: rounded, record: { t: thin(t), y: y.map(four), fitted: thin(fitted), about, file }, ms: 1.4, noiseGain, fair: true, designs: [{ ...DESIGN, ...slow, td: 0, ta: 0, rule: "optimum", pending: true }], chosen: 0 });
     }
 
-    /* Read the same record with other columns. */
     otherColumns() {
       const { text, name } = this.dropped, chosen = Array.from(this.columns.querySelectorAll("select"), (box) => Number(box.value));
       try { this.takeRecord(text, name, chosen); } catch (error) { this.say(`${name}: ${error.message}.`); }
@@ -728,7 +725,6 @@
       this.announce();
     }
 
-    /* Return the remarks on a design. */
     notesOf({ design, bears, stable, ms, sigma }) {
       const { fair, sampled, noiseGain, designs, own, plant, record } = this.state, said = [];
       if (!bears) said.push("The error does not return to zero: a unit load needs u = −1, which is beyond these limits.");

@@ -30,7 +30,7 @@ from pidalab.simulation.exact import simulate
 # For each suggested set of gains: largest Ms, and (noise gain) / (present noise gain).
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
 PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
-CLEARER = 0.8  # a load is fitted only if (residuals with the load) / (residuals without it) is below this
+CLEARER = 0.8  # a fitted load is used only if (residuals with the load) / (residuals without it) is below this
 CLEAR_MOVE = 20.0  # the output must move by this number of standard deviations of the noise
 COLOURED = 3.0  # if `samples_per_error` is at least this, the residuals are not white noise
 EXPLAINED = 0.8  # a doubt is given if the share from `explained_by` is below this
@@ -79,7 +79,7 @@ class Check:
 
     @cached_property
     def rows(self) -> tuple[DesignRow, ...]:
-        """The running gains; the best gains that have the same kind, Ms and noise gain; and three suggested sets."""
+        """The running gains; the best gains of the same kind, Ms and noise gain; and three suggested sets."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
@@ -204,9 +204,9 @@ def check(
     doubts = [*log.doubts, *fitted.doubts]
     if gains.ki * sign_of_gain(process) < 0:
         raise ValueError(
-            f"controller must have gains of the sign of the plant's, found kp = {gains.kp:.4g} for a plant of gain "
+            f"controller must have gains of the same sign as the plant, found kp = {gains.kp:.4g} for a plant of gain "
             f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
-            "the plant: log u after the limits of the actuator, and move the set point"
+            "the plant: record u as limited by the actuator, and change the set point during the record"
         )
     share, better = explained_by(controller, output_filter, log)
     if share < EXPLAINED:
