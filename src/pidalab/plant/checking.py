@@ -30,7 +30,7 @@ from pidalab.simulation.exact import simulate
 # For each suggested set of gains: largest Ms, and (noise gain) / (present noise gain).
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
 PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
-CLEARER = 0.8  # a fitted load is used only if (residuals with the load) / (residuals without it) is below this
+CLEARER = 0.8  # a fitted load is used only if (residuals with it) / (residuals without load) is below this
 CLEAR_MOVE = 20.0  # the output must move by this number of standard deviations of the noise
 COLOURED = 3.0  # if `samples_per_error` is at least this, the residuals are not white noise
 EXPLAINED = 0.8  # a doubt is given if the share from `explained_by` is below this
