@@ -19,8 +19,8 @@ from pidalab.plant.record.reading import read_columns
 
 LONG_INTERVAL = 5.0  # a sampling interval longer than this number of median intervals is a gap
 FEW_LEVELS = 20  # a doubt is given if y has at most this number of levels
-LONG = 0.1  # a doubt is given if a moving input is at its largest or smallest value for more than this share of time
-SAME_PERIOD = 0.01  # the sampling interval of a file may differ from `period` by this share
+LONG = 0.1  # a doubt is given if a moving input stays at its largest or least value for more than this share of samples
+SAME_PERIOD = 0.01  # largest relative difference between `period` and the sampling interval of the file
 TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
 RAMP_SAMPLES = 5  # a doubt is given if the input takes more samples than this to change between two levels
 
@@ -46,7 +46,7 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Record:
-    """A record of a plant, with times, input and output. The data are cleaned; `doubts` says how.
+    """Times, input and output of a plant. The data are cleaned, and `doubts` says how.
 
     Samples with a missing value are left out, times are sorted, outputs of the same time are averaged, and a counter
     that restarts is continued. Nothing is smoothed or resampled.
@@ -61,19 +61,19 @@ class Record:
         Measured output.
     u_before : float, optional
         Input at which the plant was at rest before the record. Give it if the record begins with the step. By default
-        it is the input of the first row, even if a second row has the same time.
+        it is the input of the earliest sample.
     outliers : {"drop", "keep"}, optional
-        Treatment of outputs that are far from their neighbours, or that stand still to the last digit after they moved
-        (as at the end of a sensor's range). By default a doubt lists these outputs, and `identification.fit` refuses
-        the record.
+        Treatment of outputs that are far from their neighbours, or that suddenly stand still to the last digit, as at
+        the end of a sensor's range. By default a doubt lists these outputs, and `identification.fit` refuses the
+        record.
     rows : array_like, shape (n,), optional
-        Row numbers of the samples in their file. Doubts and errors refer to them.
+        Row numbers of the samples in their file, for doubts and errors.
 
     Attributes
     ----------
     u_before : float
     steps : tuple of Step
-        Changes of the input between lasting levels, in the order of time. Empty if the input moves all the time.
+        Changes of the input between lasting levels. Empty if the input moves all the time.
     experiment : str
         The kind of experiment, in words.
     rest : float
@@ -82,7 +82,7 @@ class Record:
     at_rest : bool
         True if the plant was at rest when the input first moved. This is assumed if the record begins with a step.
     outlier_note : str
-        Description of the outputs that `outliers` concerns. Empty if there are none, or if `outliers` is given.
+        List of outliers. Empty if there are none, or if `outliers` is given.
     doubts : tuple of str
         Reservations about the record.
     time_unit, date : str
@@ -193,13 +193,13 @@ class Record:
         delimiter : str, optional
             Text between the columns. By default it is detected.
         period : float, optional
-            Time between samples, for a file without times. An error is raised if the file's own times contradict it.
+            Time between samples, for a file without times.
         skip : int, optional
             Lines to leave out at the beginning of the file.
         u_before, outliers : optional
             As for `Record`.
         run : int, optional
-            Number of the run to read, from 1, if the file contains several. A new run begins where the time restarts.
+            Number of the run to read, from 1, if the file contains several runs. Each restart of the time begins a run.
 
         Returns
         -------
@@ -209,8 +209,8 @@ class Record:
         Raises
         ------
         ValueError
-            If a column is missing, if time, u and y are not different columns, or if an entry is not a number. The
-            message names the row.
+            If a column is missing, if time, u and y are not different columns, if an entry is not a number (the message
+            names its row), or if `period` contradicts the times of the file.
 
         Examples
         --------
@@ -277,13 +277,13 @@ class Record:
         return self.steps[0]
 
     def uniform(self) -> tuple[Array, Array, Array]:
-        """Return times, input and output on a uniform grid that contains the time of the first change of the input.
+        """Return times, input and output on a uniform grid. One grid point is the first step of the input.
 
         Returns
         -------
         t, u, y : ndarray, shape (n,)
-            Times from 0 at the median interval; the held input, which is constant until its first step; and the
-            interpolated output.
+            Times from 0 at the median interval, the held input, and the interpolated output. The input is constant
+            until its first step.
 
         Examples
         --------
@@ -394,7 +394,7 @@ class Record:
 
 
 def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
-    """Raise if a period contradicts the times of the file. Return a doubt if a column counts samples."""
+    """Raise if `period` contradicts the times of the file. Return a doubt if a column counts samples."""
     try:
         clock = read_columns(*source)
     except ValueError:
@@ -412,10 +412,10 @@ def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
-    """Return level and noise before the first change of the input, and whether the output rests there."""
+    """Return level and noise of y before the first change of u, and True if y is known to rest there."""
     rounding = _quantum(whole) / np.sqrt(12)
     if y.size < 8:
-        # Second differences contain the noise but almost nothing of a smooth response.
+        # A smooth response almost vanishes from second differences, but the noise does not.
         deviation = float(np.median(np.abs(np.diff(whole, 2))) / 0.6745 / np.sqrt(6))
         doubts.append(doubt("few before", count=y.size))
         return float(np.median(y if y.size else whole[0])), Noise(max(deviation, rounding), 0.0, 0), False

@@ -15,28 +15,26 @@ from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
 FEWEST = 20  # least number of samples for a conclusion
-# The time may be a counter that restarts, such as the seconds of a minute. At a restart, two samples are at most this
-# number of median intervals apart.
+# The time may be a counter that restarts, such as the seconds of a minute. The samples before and after a restart are
+# at most this number of median intervals apart.
 LONGEST_WRAP = 10
-# If the time goes back by more than this number of median intervals, a new run may begin. Smaller steps back mean only
-# that the samples are not in order.
+# A new run may begin where the time goes back by more than this number of median intervals. Where it goes back by less,
+# the samples are only out of order.
 OVERLAP = 3
 # Values at which counters restart.
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 # An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
-# Before an output stands still, its movement is measured in the last 10 samples and in the last 3.
+# Let A be the movement of the output in the last BEFORE samples before a standstill, and B in the last JUST_BEFORE.
 BEFORE, JUST_BEFORE = 10, 3
-# If (movement in the last 3 samples) / (movement in the last 10) is at most this, the plant itself came to rest.
-SLOWED = 0.1
-# A standstill is reported only if the movement in the last 10 samples before it exceeds both MANY_STEPS rounding steps
-# and LITTLE times the span of the output.
+SLOWED = 0.1  # if B / A is at most this, the plant itself came to rest
+# A standstill is reported only if A exceeds both MANY_STEPS rounding steps and LITTLE times the span of the output.
 MANY_STEPS, LITTLE = 2.5, 0.005
 # An input is a clock if it differs from a straight line in time by less than STRAIGHT times its span. It is a copy of
 # the output if it differs from a linear function of the output by less than COPY times its span.
 STRAIGHT, COPY = 0.01, 1e-4
-DISORDER = 0.05  # largest share of samples that may have a smaller time than an earlier sample
-LISTED = 4  # largest number of entries of a list in a message; further entries are counted
+DISORDER = 0.05  # largest share of samples with a smaller time than an earlier sample
+LISTED = 4  # a message lists at most this number of entries, and counts the others
 
 Places = NDArray[np.intp]  # indices of samples
 
@@ -58,9 +56,8 @@ def cleaned(
 ) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time, and merge samples of the same time.
 
-    Outputs of the same time are averaged, and the last of their inputs is used. The first input of the record counts as
-    the input before the record. Return times, inputs, outputs, the input before the record, and the index of the first
-    sample at each time.
+    Outputs of the same time are averaged, and the last of their inputs is used. Return times, inputs, outputs, the
+    earliest input, and the index of the first sample at each time.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]
     usable = np.all(finite, axis=0)
@@ -90,11 +87,7 @@ def cleaned(
 
 
 def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
-    """Return times by which the samples can be sorted.
-
-    A counter that restarts is continued. An error is raised if the record contains several runs or `t` is not a time
-    axis.
-    """
+    """Continue a counter that restarts. Raise if the record contains several runs or `t` is not a time axis."""
     steps = np.diff(t)
     back = steps < 0
     if not back.any():
@@ -125,7 +118,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first sample of each run. A new run begins where the time goes far back between two long runs."""
+    """Return the first sample of each run. Runs are long, and the time goes far back between them."""
     edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
     rising = np.diff(t)[np.diff(t) > 0]
     usual = float(np.median(rising)) if rising.size else 0.0
@@ -174,8 +167,8 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    Causes are a sensor at the end of its range, or a logger that repeats the last value of a lost sensor. An interval
-    is not returned if the output slows down before it, or if the output only stands still between rounding steps.
+    An interval is left out if the output slows down before it, or if it lies between two rounding steps of a slowly
+    moving output.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -189,8 +182,8 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
         if after - first <= max(STILL, STILL_SHARE * y.size) or first < BEFORE:
             continue
         way, last = (float(np.ptp(y[first - count : first + 1])) for count in (BEFORE, JUST_BEFORE))
-        # Ignore intervals near a maximum or minimum of a slow oscillation, where a rounded output changes by one
-        # rounding step at a time and keeps each value for several samples.
+        # Near an extremum of a slow oscillation, a rounded output keeps each value for several samples and then changes
+        # by one rounding step. Ignore such intervals.
         crept = max(last, float(np.max(np.abs(np.diff(y[first - BEFORE : first + 1]))))) < 1.5 * rounded
         enough = max(MANY_STEPS * rounded, LITTLE * float(np.ptp(levels)))
         if way > enough and last > SLOWED * way and not crept:
@@ -213,10 +206,7 @@ def outlier_note(y: Array, where: Sequence[str]) -> str:
 
 
 def drop_outliers(y: Array, where: Sequence[str]) -> list[str]:
-    """Replace outputs that are probably errors of the sensor by NaN.
-
-    Return a list with one doubt that names these outputs, or an empty list.
-    """
+    """Replace outputs that are probably errors of the sensor by NaN. Return a doubt that lists them, if any."""
     note, still = outlier_note(y, where), standing_still(y)
     y[far_off(y)] = np.nan
     for first, last in still:
@@ -232,8 +222,8 @@ def _first_few(entries: Sequence[str]) -> str:
 
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
-MANY = 12  # if u, rounded to a hundredth of its span, has at least this number of levels, it has no separate steps
-FOLLOWS = 0.98  # an input follows the output if the output explains more than this share of the variance of the input
+MANY = 12  # u has no separate steps if, rounded to a hundredth of its span, it has at least this number of levels
+FOLLOWS = 0.98  # u follows y if y explains more than this share of the variance of u
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"
@@ -300,7 +290,7 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
     # At a constant set point, a controller computes the input from the present output and its integral. In open loop,
-    # later outputs explain the input better than present outputs do.
+    # the input is better explained by later outputs than by present outputs.
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
     scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
 
