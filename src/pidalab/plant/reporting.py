@@ -97,7 +97,7 @@ class Report:
 
     @property
     def safety(self) -> str:
-        """A sentence for each kind that says whether the loop is safe, and why."""
+        """For each kind, a sentence on the safety of the loop."""
         return "\n".join(f"{row.kind}: {self._safe(row)}" for row in self.rows)
 
     def _safe(self, row: DesignRow) -> str:
@@ -222,7 +222,7 @@ class Report:
         return page(title, self._repr_html_(), self.plot(), first, last)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Return two lists of headings and texts: before the figure of the page, and folded after the figure.
+        """Return two lists of headings and texts: those before the figure of the page, and those folded after it.
 
         Returns
         -------
@@ -277,7 +277,8 @@ def report(
     Raises
     ------
     TypeError, ValueError
-        As for `pidalab.tune` and `pidalab.identification.fit`. An error that concerns one kind is stored in its row.
+        As for `pidalab.identification.fit` and `pidalab.tune`. A ValueError of `tune` is raised only if no kind can be
+        tuned.
 
     Examples
     --------

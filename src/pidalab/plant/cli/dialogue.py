@@ -79,7 +79,7 @@ def progress(text: str) -> Iterator[None]:
 
 
 class Place(click.Path):
-    """A path to write to. An empty path is refused: an unset shell variable would then mean the current folder."""
+    """A path to write to. An empty path, as from an unset shell variable, would mean the current folder: refuse it."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse an empty path."""
@@ -142,7 +142,7 @@ out = add_options(
 
 
 def visible(text: str) -> str:
-    """Escape control characters of a text, which may contain names from other people's files."""
+    """Escape control characters, which names in other people's files may contain."""
     return "".join(x if x.isprintable() or x == "\n" else ascii(x)[1:-1] for x in text)
 
 

@@ -17,7 +17,7 @@ from pidalab._text import STARTING_MODELS, set_out
 from pidalab.plant.cli import dialogue
 
 DEFAULT_SAMPLES = 2000  # samples of a response with a continuous controller
-MOST_DIGITAL_SAMPLES = 1e7  # more samples with a digital controller would exhaust the memory
+MOST_DIGITAL_SAMPLES = 1e7  # more samples would exhaust the memory
 FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 
 
@@ -133,7 +133,7 @@ def _controller(options: dict[str, Any]) -> Any:
     if given:
         said = " and ".join(f"--{name.replace('_', '-')}" for name in given)
         raise click.UsageError(f"--controller has its own gains and sample time: leave out {said}")
-    try:  # an editor may have added a byte order mark at the beginning
+    try:  # an editor may have added a byte order mark
         return pidalab.digital.from_json(file.read_text(encoding="utf-8-sig"))
     except ValueError as refusal:
         raise ValueError(f"--controller {file}: {refusal}") from None
@@ -185,7 +185,7 @@ def _function(path: Path, name: str) -> Callable[[Any], Any]:
 
 
 def _apply(path: Path, name: str, process: Any) -> Any:
-    """Call the function of a file. Each process of the pool runs the file once."""
+    """Call a function of a file. Each process of the pool runs the file only once."""
     return _function(path, name)(process)
 
 

@@ -24,16 +24,16 @@ from pidalab.digital.program import INPUTS, MORE, Vector, constants, program
 from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
-FAR = 5  # number of further samples far above the set point, and also of those far below
-DOUBLINGS = 24  # largest number of times that the distance from the set point is doubled
+FAR = 5  # further samples far above the set point, and as many far below it
+DOUBLINGS = 24  # the distance of these samples from the set point is doubled at most this number of times
 INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
-INVALID_MEASUREMENT = 1e30  # single precision can represent this value, too
+INVALID_MEASUREMENT = 1e30  # also exists in single precision
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # largest number of characters in a line
 MOST_NOTES, LONGEST_NOTE = 40, 500  # largest number of lines of a note, and of characters in a line
 PRECISIONS = ("double", "single")
 LONGEST_NAME = 32  # compilers may ignore further characters of a name
-# Keywords of the three languages, names of their libraries and names used by vendors of PLCs, in small letters.
-# Structured text ignores case, so a variable named like a library block ("integral") would not compile.
+# Keywords of the three languages, and names in their libraries and in PLCs, in small letters. Structured text ignores
+# case, so a variable named like a library block ("integral") would not compile.
 RESERVED = frozenset(
     re.sub("#.*", "", Path(__file__).with_name("reserved.txt").read_text(encoding="utf-8")).split()
 )
@@ -118,7 +118,7 @@ def head(
     record: str = "",
     date: str = "",
 ) -> list[str]:
-    """Return the lines at the head of the code. Unusual characters are removed from the given texts."""
+    """Return the lines at the head of the code, without unusual characters of the given texts."""
     for name, text in {"note": note, "time_unit": time_unit, "record": record, "date": date}.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, found {type(text).__name__}")
@@ -159,9 +159,9 @@ def _margins(margins: Margins) -> str:
 def vector(k: Parameters) -> Vector:
     """Return test inputs and the expected control signal.
 
-    The inputs contain a set-point step, samples in manual mode, a tracked signal, a disturbance and two invalid
-    measurements. At the end the measurement is so far above, and then below, the set point that the control signal
-    reaches both limits.
+    The inputs contain set-point steps, manual mode, a tracked signal, a disturbance and two invalid measurements. At
+    the end the measurement is first far above and then far below the set point, so that the control signal reaches both
+    limits.
     """
     low, high = k.limits
     span = high - low if math.isfinite(high - low) else 2.0
@@ -189,7 +189,7 @@ def vector(k: Parameters) -> Vector:
 
 
 def written(k: Parameters, language: str, name: str, *, precision: str = "double", **about: Any) -> str:
-    """Write the code in one language. `name` is the prefix of names in C, or the name of the block or class."""
+    """Write the code in one language. `name` is the name of the block or class, or in C the prefix of all names."""
     import jinja2
 
     _check.choice("precision", precision, PRECISIONS)
@@ -213,7 +213,7 @@ def written(k: Parameters, language: str, name: str, *, precision: str = "double
 
 
 def _rows(values: Iterable[str], indent: str) -> str:
-    """Join values by commas, and wrap them into lines."""
+    """Wrap values, separated by commas, into lines."""
     return textwrap.fill(", ".join(values), VALUES_WIDTH, initial_indent=indent, subsequent_indent=indent)
 
 
@@ -254,17 +254,16 @@ def content(k: Parameters) -> dict[str, Any]:
 
 
 def checksum(stored: dict[str, Any]) -> str:
-    """Return a checksum of the fields of a JSON. Neither the order of fields nor the format of numbers affects it.
+    """Return a checksum of the fields of a JSON. The order of fields and the format of numbers do not affect it.
 
-    The checksum finds accidental changes, also of fields that do not affect the test vector. It does not protect
-    against deliberate changes.
+    The checksum does not protect against deliberate changes.
     """
     fields = {name: value for name, value in stored.items() if name != "checksum"}
     return hashlib.sha256(canonical(fields).encode()).hexdigest()
 
 
 def canonical(value: Any) -> str:
-    """Return the JSON of a value, with sorted fields and all numbers as floats."""
+    """Return compact JSON of a value, with sorted fields and all numbers as floats."""
     return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"))
 
 

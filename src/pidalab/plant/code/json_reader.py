@@ -11,7 +11,7 @@ from pidalab.digital.filters import FilterChain, Prefilter
 from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP
 from pidalab.plant.code.files import canonical, checksum, content
 
-LONGEST_FILE = 2_000_000  # characters; `json()` writes files of at most a tenth of this length
+LONGEST_FILE = 2_000_000  # characters; `json()` writes at most a tenth of this
 # The controller has these fields under the same names.
 SAME = ("sample_time", "method", "anti_windup", "deadband", "feedforward", "tunable")
 ABOUT = {"about", "version", "checksum"}  # these fields do not affect the controller
@@ -20,8 +20,8 @@ ABOUT = {"about", "version", "checksum"}  # these fields do not affect the contr
 def from_json(text: str) -> DigitalController:
     """Read a controller from text that its ``json()`` wrote.
 
-    Nothing in the file is executed. The type and range of every field are checked. Coefficients and
-    test vector are computed again, and an error is raised if they differ from the file.
+    Nothing in the file is executed. Type and range of every field are checked. Coefficients and test vector are
+    computed again and compared with the file.
 
     Parameters
     ----------
