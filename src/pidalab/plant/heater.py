@@ -1,7 +1,7 @@
 """Run the Temperature Control Lab, a board with two heaters, on the real board or in simulation.
 
 The package ``tclab`` (``pip install tclab``) provides both. The control signal is the power of heater 1 in per cent,
-and the output is the temperature of thermistor 1 in degrees Celsius. Heater 2, a few centimetres away, is the load.
+and the output is the temperature of thermistor 1 in degrees Celsius. Heater 2 is the load.
 """
 
 from __future__ import annotations
@@ -195,13 +195,13 @@ class Lab:
         return Response(t=t, r=r, d=d, n=np.zeros(t.size), y=y, u=u)
 
     def _run(self, t: Array, heater: Callable[[int, float], float], load: Array) -> tuple[Array, Array]:
-        """Read the temperature at each time, and set both heaters. `heater` computes the power of heater 1."""
+        """Read the temperature and set both heaters at each time. `heater` computes the power of heater 1."""
         u, y = np.empty(t.size), np.empty(t.size)
         start = self._labtime.time() if self.connected else self._now
         for k, moment in enumerate(t):
             self._wait_until(start + moment)
             y[k] = self._temperature()
-            # The board clips powers to 0 to 100. Q1 returns the clipped power.
+            # Q1 clips the power to 0 to 100 and returns it.
             u[k] = self._device.Q1(heater(k, float(y[k])))
             self._device.Q2(float(load[k]))
         # Let the last control signal act for one sample.

@@ -41,7 +41,7 @@ def page(
     sections: Sequence[tuple[str, str]],
     folded: Sequence[tuple[str, str]],
 ) -> str:
-    """Return an HTML page with sections of text, a figure, a table and folded sections."""
+    """Return an HTML page. Its last sections, `folded`, are closed at first."""
     loader = jinja2.PackageLoader("pidalab.plant.code")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template("report.j2")
     figure, table = Markup(svg(drawn)), Markup(table)
@@ -51,7 +51,7 @@ def page(
 
 
 def svg(drawn: Figure) -> str:
-    """Return a figure as an SVG element. Equal figures give equal bytes."""
+    """Return a figure as an SVG element, with equal bytes for equal figures."""
     text = io.StringIO()
     with rc_context(STYLE):  # type: ignore[arg-type]
         drawn.savefig(text, format="svg", metadata={"Date": None, "Creator": None})

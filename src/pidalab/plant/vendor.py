@@ -32,7 +32,7 @@ class VendorForms(NamedTuple):
     filters: str = "none"
 
     def __str__(self) -> str:
-        """List the forms that exist, and in a last line those that do not."""
+        """List the forms that exist, and then the missing forms."""
         forms = self._asdict()
         del forms["filters"]
         missing = {name: form for name, form in forms.items() if isinstance(form, str)}
@@ -48,7 +48,7 @@ class VendorForms(NamedTuple):
 
 
 def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit: str) -> VendorForms:
-    """Return gains as parameters of vendor blocks, and the filters. `time_unit` is the unit of the model's times."""
+    """Return gains as parameters of vendor blocks, and the filters. `time_unit` is the unit of the given times."""
     _check.choice("time_unit", time_unit, SECONDS)
     unit = SECONDS[time_unit]
     filters = ", ".join(_filter(part, unit) for part in parts if part.filter_order) or "none"
@@ -74,7 +74,7 @@ def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit:
 
 
 def _with_units(gain: float, ti: float, td: float) -> dict[str, float]:
-    """Return gain and times in seconds and minutes, and the reset rate."""
+    """Return the gain, the times in seconds and minutes, and the reset rate."""
     times = {"Ti [s]": ti, "Ti [min]": ti / 60, "repeats/min": 60 / ti, "Td [s]": td, "Td [min]": td / 60}
     return {"Kc": gain, **times}
 

@@ -199,7 +199,7 @@ def read_record(options: dict[str, Any]) -> pidalab.Record:
 
 
 def _digital(design: pidalab.Design, record: pidalab.Record, options: dict[str, Any]) -> Any:
-    """Return the digital controller, with the working point of the record."""
+    """Discretise a design, with the working point of the record."""
     # A prefilter already shapes the set point, and automatic reset needs both weights at 1.
     shaped = design.prefilter is not None or design.controller.automatic_reset() is not None
     weights = {"b": 1.0 if shaped else 0.5, "c": 1.0 if shaped else 0.0}
