@@ -153,7 +153,7 @@ class Fit:
         """Return the model and random plants that the record does not rule out, for a robust design.
 
         The random plants are those of `spread`, with a gain that is raised or, for fewer plants, lowered by 15 %. A
-        record shows the gain at one working point only.
+        record shows the gain at one working point only, and a sticking valve moves less than it should.
 
         Parameters
         ----------

@@ -25,9 +25,9 @@ CHANCE = 0.003  # accepted probability of mistaking a drift for a response, or a
 OPPOSED = 0.8  # like FED_BACK, but for the changes of u and of the residuals
 
 DRIFTS = (
-    "the response to the input is not clearly above noise and a drift in time: record the output at rest, then "
-    "step the input, wait until the output rests again, and step it back, which no drift does; with nothing else (a "
-    "load, a lid, another heater) moving the output"
+    "the response to the input is not clearly above noise and a drift in time: record the output at rest for a while, "
+    "step the input, wait until the output rests again, and step the input back, since no drift follows a step back; "
+    "nothing else (a load, a lid, another heater) may move the output"
 )
 
 
@@ -118,10 +118,10 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
     Notes
     -----
     White noise does not bias a fit from u to y. Slower disturbances bias it by an amount that the record does not show.
-    The factors were calibrated with simulated loops of random first-order plants. The gain has the largest errors. The
-    95 % quantile of (error of the gain) / (1.96 standard uncertainties) is 1.22 in 99 loops with white noise, and 6.8
-    in 114 loops with a wandering load. The factors are these numbers, rounded up. In other random loops, at least 90 %
-    of all intervals contained the true value of their parameter.
+    The factors were calibrated with simulated loops of random first-order plants, as in the tests. The gain has the
+    largest errors. The 95 % quantile of (error of the gain) / (1.96 standard uncertainties) is 1.22 in 99 loops with
+    white noise, and 6.8 in 114 loops with a wandering load. The factors are these numbers, rounded up. In other random
+    loops, at least 90 % of all intervals contained the true value of their parameter.
     """
     # Compare only signs, so that a set-point step weighs no more than any other sample.
     du, dy = np.sign(rough(np.diff(record.u))), np.sign(rough(np.diff(record.y)))
