@@ -262,9 +262,7 @@ class Ledger:
         if row.basis == "reading":
             raise LedgerError(f"{row.id}: its basis is reading, so the row takes no computed value")
         if row.is_statement != statement:
-            raise LedgerError(
-                f"{row.id}: pass a printed number to book.compare, and a statement to book.decide"
-            )
+            raise LedgerError(f"{row.id}: give a printed number to book.compare, a statement to book.decide")
         if digits < DIGITS and "digits" not in row.note:
             raise LedgerError(
                 f"{row.id}: only {digits} digits are kept; the note must say why, with the word 'digits'"

@@ -565,7 +565,7 @@ SHOWN = [
     (SIX, rf"13\.2 - 2\\pi/0\.5\| = {N}", lambda: [13.2 - 4 * pi]),
     (
         "intro.md",
-        rf"noise gain of 0\.3 .*? saves {N} % .*?{N} % in the median.*?saves {N} % here.*?{N} % in the median",
+        rf"noise gain of 0\.3 .*? saves {N} % .*?{N} % in the median.*?saves {N} % on this.*?{N} % in the median",
         lambda: [landing(0.3), median(saved(OPTIMA, "0.3")), landing(1.5), median(saved(OPTIMA, "1.5"))],
     ),
     (HEO, rf"The peak after the load is {N} % lower", lambda: lower_peaks()[:1]),
