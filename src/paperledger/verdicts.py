@@ -1,4 +1,4 @@
-"""Verdicts on printed numbers and on statements, as they follow from computed numbers.
+"""Derive verdicts on printed numbers and on statements from computed numbers.
 
 Printed digits are compared as decimals, since ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper but not in
 binary.
@@ -25,7 +25,7 @@ WIDEST = Decimal("0.05")  # largest tolerance, as a share of the printed number
 LONGEST, LARGEST_EXPONENT = 350, 330  # most characters of a number, and its largest power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these; all others follow
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
-# Numbers that are declared to disagree must not give these verdicts.
+# If a person declares that two numbers disagree, the verdict that follows from them must not be one of these.
 AGREEING = ("reproduced", "approximate", "holds", "holds-in-part")
 BASES = ("computed", "fitted", "from-print", "reading")
 
@@ -62,7 +62,7 @@ def read_number(text: str) -> Decimal:
 
 
 def plain(value: Any) -> int | float:
-    """Convert a number of a page, which may be infinite or a NumPy scalar, to an int or a float."""
+    """Convert a number that a page computed, possibly infinite or a NumPy scalar, to an int or a float."""
     scalar = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
     if isinstance(scalar, Integral) and not isinstance(scalar, bool):
         return int(scalar)
@@ -86,7 +86,8 @@ def agrees(fresh: str, stored: str) -> bool:
     """Return True if a new number equals a stored one within a unit of the last stored place, or a relative 1e-9.
 
     A stored number with fewer decimals than the new one could hide a change, so it does not agree. One decimal less is
-    allowed, since 9.99... and 10.0... both have ten digits. Ten decimals are always enough, as for a computed zero.
+    allowed, since with ten digits 10.0... has one decimal less than 9.99.... A stored number with ten decimals is never
+    refused for having too few, since a computed zero has no others.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -137,7 +138,7 @@ def same_text(old: str, new: str) -> bool:
 
 
 def show(printed: str, computed: str) -> str:
-    """Round a stored number for a reader to two places more than printed, and to at least three digits.
+    """Round a stored number for display, to two decimal places more than printed and at least three digits.
 
     >>> show("1.31", "1.309812345"), show("1200", "0.001234567890"), show("0.382", "0.38")
     ('1.3098', '0.00123', '0.38')
@@ -224,22 +225,22 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
 
 # --- statements -----------------------------------------------------------------------------------------------------
 
-ROUNDING = "rounding"  # the convention of an identity
+ROUNDING = "rounding"  # convention of an identity: its residual is only rounding
 SIGNS = {  # comparison, and the signs to display if it holds and if it fails
     "<": (operator.lt, "<", "≮"),
     "<=": (operator.le, "≤", "≰"),
     ">": (operator.gt, ">", "≯"),
     ">=": (operator.ge, "≥", "≱"),
     "==": (operator.eq, "=", "≠"),
-    "≈": (operator.eq, "≈", "≉"),  # the bounds of a convention decide
+    "≈": (operator.eq, "≈", "≉"),  # replaced by the bounds of a convention
 }
 _PARTS = re.compile(r"(holds|fails) for: (.+)")
 _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?: \| (.+))?")
 
 
-# Conventions of all papers. For each sign they list the bounds that must hold: a sign, and a factor of the right side.
-# The page *Notation* defines the words.
+# Conventions of all papers. For each sign of a relation they list the bounds that must hold. A bound is a sign, and a
+# factor that multiplies the right side. The page *Notation* defines the words.
 CONVENTIONS = {
     "similar": {"≈": ">= 0.9, <= 1/0.9"},
     "slightly": {"<": "<, >= 0.9", ">": ">, <= 1/0.9"},
@@ -265,7 +266,8 @@ class Relation:
     right : str
         Name of the right side, or the tolerance of an identity.
     convention : str
-        A key of `CONVENTIONS`; ``rounding`` for an identity, whose left side is a residual; or empty.
+        A key of `CONVENTIONS`, ``rounding``, or empty. With ``rounding`` the relation is an identity, and its left side
+        is a residual.
     some : bool
         True if one case is enough. By default every case must hold.
     parts : tuple of str
@@ -298,8 +300,8 @@ class Relation:
         Parameters
         ----------
         text : str
-            Left name, sign and right name. These may follow, each after ``|``: a convention, and one of ``some``,
-            ``holds for: ex1; ex2`` and ``fails for: ex3``.
+            Left name, sign and right name. Two optional parts follow, each after ``|``: a convention, and one of
+            ``some``, ``holds for: ex1; ex2`` and ``fails for: ex3``.
 
         Returns
         -------
@@ -354,7 +356,7 @@ class Relation:
         digits : int, optional
             Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
-            True if each case of a statement that holds in part must be as declared.
+            For a statement that holds in part: True to raise an error if a case does not hold or fail as declared.
 
         Returns
         -------
@@ -406,7 +408,7 @@ class Relation:
                 raise LedgerError(f"{name} is declared to {says}, and does not")
         groups = [{n: pair for n, pair in pairs.items() if declared[n] == side} for side in (True, False)]
         if not all(groups):
-            raise LedgerError("a statement that holds in part has a case that holds and one that fails")
+            raise LedgerError("a statement that holds in part needs a case that holds and one that fails")
         decisive = []
         for word, group in zip(("holds", "fails"), groups, strict=True):
             names = "; ".join(group).replace("{", "{{").replace("}", "}}")
@@ -427,7 +429,8 @@ class Relation:
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
-            # The distance is rounded, so that rounding errors never exchange two equal cases.
+            # Round the distance. Otherwise rounding errors would decide which of two equally distant cases is the
+            # worst.
             bounds.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
         return min(bounds, key=lambda pair: pair[0])
 
@@ -554,7 +557,7 @@ def _name(key: object) -> str:
 
 
 def _belongs(name: str, part: str) -> bool:
-    """Return True if the name of a case is or begins with the name of a part."""
+    """Return True if a case has the name of a part, or a name that continues it after a comma."""
     return name == part or name.startswith(f"{part}, ")
 
 
@@ -582,7 +585,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or up to five to distinguish it from 1. A tiny or huge ratio gets a bound."""
+    """Round a ratio to two digits, or up to five to distinguish it from 1. Write tiny and huge ones as bounds."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

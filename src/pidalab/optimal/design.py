@@ -36,14 +36,14 @@ from pidalab.simulation.exact import load_response, simulate_until_settled
 HIGHEST_ORDER = 4  # highest order of a controller
 ACTIVE = 1e-3  # a limit is active if the relative distance to it is below this
 NEGLIGIBLE_ACTION = 1e-6  # an action is dropped if it is below this number times the largest action
-UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; a limit on noise may make a loop slow
+UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; large ones for a low noise limit
 SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of time
 # If the IAE of the search differs from the simulated IAE by more than this relative amount, the unit of time is too
 # short.
 SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima with a value up to this multiple of the best value are reported
 BEST = 3  # number of descents whose ends are refined
-SAME_END = 1e-4  # the best end of descents from random starts is refined if its IAE is below (1 + this) * the best IAE
+SAME_END = 1e-4  # a result from random starts is refined if its IAE is at most this share above the best
 # Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
@@ -246,8 +246,8 @@ def _best(
     ):
         ways: list[Any] = [*([] if start_design is None else [None]), feasible_starts, approached]
         for start, factor in product(ways, UNITS_TRIED):
-            # The next kind of start is not needed if there is a design. If only the family prevents a design, other
-            # starts would end at the same controller.
+            # The next kind of start is not needed if there is a design. If there is a controller for the process alone
+            # but none for the family, other starts would end at that controller.
             if factor == UNITS_TRIED[0] and (best is not None or any(search.family for search in searches)):
                 break
             search = search_in(positive, order, limits, factor)
@@ -354,7 +354,7 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
 
 
 def _edge(search: Search, x: Array) -> tuple[str, ...]:
-    """Return the variables at an edge of the search that is not a limit of the user."""
+    """Return the variables at an edge of the search range. Limits that the user set do not count."""
     index = search.problem.gains
     slowest = search.bounds[index][1]
     edges = ["filter_time"] if x[index] < FASTEST + 1e-3 or x[index] > slowest - 1e-3 else []
@@ -436,10 +436,10 @@ def _shaken(search: Search, x: Array) -> Iterator[Array]:
 
 
 def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
-    """Return the best value, then the least value of each other local optimum.
+    """Return the best value, then the least value of every further local optimum.
 
     A descent checks its limits only on a coarse grid. If it violates a limit slightly, its value may be below the best
-    value. So the best value represents all ends whose values are near it or below it.
+    value. So values near the best value or below it are not listed.
     """
     chosen = [best]
     for value in sorted(others):

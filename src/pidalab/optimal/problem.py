@@ -22,7 +22,7 @@ a                  -T         S           S          -2 L/(1 - L²)
 b                  -T         -T          S          -2 L/(1 - L²)
 =================  =========  ==========  =========  =====================
 
-This form gives the slopes by the gains, for which P is constant, and the slope by the frequency.
+This gives the slopes with respect to the gains (P is then constant) and with respect to the frequency.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from pidalab.robustness.in_z import sampled_plant
 from pidalab.roots import roots
 
 SEARCH_SAMPLES = 2048  # number of samples of a response
-DAMPING = 3.0  # real part of the line of the transform, multiplied by the horizon
+DAMPING = 3.0  # the inverse transform runs along Re s = DAMPING / horizon
 REST = 1e-3  # allowed relative error of the integral that the transform gives
 
 GAIN_UNITS = (0.1, 1.0)  # least and largest scale factor of a gain in a descent
@@ -152,7 +152,7 @@ class Problem:
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # Penalise an integral of the error beyond the horizon that has the opposite sign.
+            # The integral of the error beyond the horizon should be positive. Penalise a negative one.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
@@ -183,7 +183,7 @@ class Problem:
         self.axis = s = 1j * around / self.time
         scale = (s + sigma) ** -len(process.den)
         self.own = s * np.polyval(process.den, s) * scale
-        # With the factor s of f, the actions are K_-1 + K_0 s + ...
+        # f contains s C in place of C, so the powers of s start at 0.
         fed_back = np.polyval(process.num, s) * np.exp(-s * process.delay) * scale
         self.fed_back = fed_back * self.units[:, None] * s ** np.arange(self.order + 2.0)[:, None]
 
@@ -224,7 +224,7 @@ class Problem:
 
 
 def _other_side(error: Array) -> tuple[float, Array]:
-    """Return the area of the negative part of an error, divided by the time step, and its slope by the samples.
+    """Return the area of the negative part of an error in time steps, and its derivatives with respect to the samples.
 
     The error is a straight line between samples.
     """
@@ -427,8 +427,8 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-# The unit of time is 1/w_u. At the frequency w_u the phase of the process is CORNER or, with several integrators, the
-# phase of the integrators minus INTEGRATORS_TURN.
+# The unit of time is 1/w_u. At the frequency w_u the phase of the process is CORNER. With several integrators it is
+# INTEGRATORS_TURN below the phase of the integrators.
 CORNER = -0.75 * math.pi
 INTEGRATORS_TURN = 0.25 * math.pi
 # A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the frequency of `_loudest`.

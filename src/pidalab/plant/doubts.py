@@ -25,8 +25,8 @@ DOUBTS = {
     "no step": "the input does not step between lasting levels: {experiment}",
     "moving at the end": "the output still moves at the end: an integrator, or a record that is too short",
     # doubts about a model
-    "model error": "the model error is {error:.3g}, {share:.2g} % of the movement of the output, and the noise is "
-    "{noise:.3g}: the plant has other dynamics than the model, or something else moved it",
+    "model error": "the model error is {error:.3g} ({share:.2g} % of the movement of the output), but the noise only "
+    "{noise:.3g}: the plant has other dynamics than the model, or something else moved the output",
     "initial state": "the record does not begin at rest: an initial state was fitted as well",
     "hold-out": "the hold-out data are predicted worse than the other data are fitted: NRMSE {holdout:.2f}",
     "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties are {times:.2g} times "

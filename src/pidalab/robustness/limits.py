@@ -17,8 +17,8 @@ holds, the loop comes to rest from every initial state. The theorem assumes the 
 
 - F is strictly proper. Its poles lie left of the imaginary axis, except for a simple pole at 0 of an integrating
   process. A loop with this pole is Popov's particular case: the sector excludes the gain 0, which does not stabilise
-  the loop. The residue is positive, so that every small gain stabilises the loop. The theorem then requires θ > 0. The
-  circle criterion still suffices: ωG is bounded, so a positive margin remains positive with a small θ.
+  the loop. Its residue must be positive, so that every small gain stabilises the loop. The theorem then requires θ > 0.
+  The circle criterion still suffices: ωG is bounded, so a positive margin remains positive with a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
 - The inequality is strict, also in the limits of ω to 0 and to infinity.
 
@@ -51,7 +51,7 @@ from pidalab.roots import border, roots
 NO_LOWER = 1e-10
 GRID_STEPS = 60  # number of grid steps that are divided at a time
 TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger than this
-LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset / longest time constant or dead time
+LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, per longest time constant or dead time
 BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
 MARGIN_RTOL = 1e-9  # the search for a multiplier ends if the possible relative improvement is smaller
 MOST_MULTIPLIERS, FURTHER = 60, 4.0  # largest number of multipliers; largest ratio of successive multipliers
@@ -148,7 +148,7 @@ def linear_part(loop: Loop) -> LinearPart:
     reset = loop.automatic_reset
     if reset is None:
         ti, controller = math.inf, loop.blocks["controller"]
-    else:  # without the reset this is the stabilising controller
+    else:  # the stabilising controller remains without the reset
         ti, controller = reset.time, (reset.stabiliser, binomial(reset.filter_time, reset.filter_order))
     num, den, zeros, poles = np.ones(1), np.ones(1), [], []
     for own_num, own_den in (controller, loop.blocks["process"], loop.blocks["output_filter"]):
@@ -165,7 +165,7 @@ def linear_part(loop: Loop) -> LinearPart:
 
 def _check_assumptions(part: LinearPart, integrators: int) -> None:
     if len(part.forward.num) >= len(part.forward.den):
-        raise ValueError("the forward path must be strictly proper, since the limits would act on themselves")
+        raise ValueError("the forward path must be strictly proper, or the limits would act on themselves")
     bad = part.poles[part.poles.real >= 0]
     if bad.size or integrators > 1:
         offending = f"one at {bad[0]:.4g}" if bad.size else f"{integrators} at 0"
@@ -231,9 +231,9 @@ def popov(loop: Loop) -> Criterion:
 
     Notes
     -----
-    At each frequency, the expression whose infimum is the margin is linear in θ. So the frequency of each infimum gives
-    a straight line in θ, and the minimum of all lines is an upper bound of the margin. The next infimum is computed at
-    the θ with the largest bound, and adds a line. The search ends when the best margin reaches the bound.
+    The margin is the infimum of an expression that is linear in θ at each frequency. So the frequency of each infimum
+    gives a straight line in θ, and the minimum of all lines is an upper bound of the margin. The next infimum is
+    computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches the bound.
 
     Examples
     --------

@@ -14,8 +14,8 @@ This equation is exact if no multiple of h lies strictly between t and t + tau. 
 1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring (see
    `pidalab.simulation.ring`).
 2. Compute the states at the multiples of h, one after the other.
-3. Advance the stack at each multiple to the first requested time after the multiple, by powers and by a Taylor series
-   for the remainder.
+3. Advance the stack from each multiple of h to the next requested time, by powers, and by a Taylor series over the rest
+   of the time.
 4. Compute the outputs at several successive requested times at once, as a product of a stack and a matrix.
 """
 
@@ -42,20 +42,22 @@ from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 # A response is checked if the dead time and the simulated time both exceed this number of time constants of the fastest
 # state, since digits may then cancel. Without dead time, only the simulated time counts.
 CHECKED_FROM = 3e3
-# Units of time and u with which a response is computed again, until the comparison with the original response decides.
+# Units of time and of u. A response is computed again in one of them after the other, until it is clearly accepted or
+# rejected.
 OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared
-DENSE = 10_000  # least number of times at which the size of a response is computed before it is refused
+DENSE = 10_000  # before a response is rejected, its largest value is sought at this many times or more
 # Allowed difference of two responses, divided by the largest value of the signal.
 AGREEMENT = 1e-10
-# If this quotient is smaller than CERTAIN, no third response is needed, since equal errors are unlikely.
+# If the relative difference of the first two responses is below CERTAIN, no third response is needed, since equal
+# errors are unlikely.
 CERTAIN = 1e-12
 # Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times. A kick
 # is a short, very large signal of a fast state.
 OUTSIDE_KICKS = 1e-6
 KICK_DURATION = 60.0  # a kick lasts this number of time constants of its fast state
-# Number of time constants of the fastest state after which a time, rounded to 1e-16 of its value, no longer determines
-# the value within a kick.
+# After this number of time constants of the fastest state, rounding a time to 1e-16 of its value is too coarse to
+# resolve a kick.
 KICK_UNRESOLVED = 1e5
 
 
@@ -76,9 +78,9 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     Notes
     -----
     The number of digits that cancel does not follow from the speeds of a loop. So the response of a stiff loop is
-    computed again in other units. The ratio of the units is not a power of 2, and the shortest power spans half the
-    time, so that every coefficient, state and power is rounded differently. If both responses agree to ten digits, each
-    has lost at most about six of its sixteen digits.
+    computed again in other units. The ratio of the units is not a power of 2, and the shortest power of the ring spans
+    half as much time as before, so that all numbers are rounded differently. If both responses agree to ten digits,
+    each has lost at most about six of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
@@ -113,7 +115,8 @@ def _require_agreement(
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
-    # If `finer` is 1, all times are requested. Otherwise all times are compared, since `every` is 1.
+    # If `finer` is 1, all times are requested. Otherwise `every` is 1, so the compared times include the requested
+    # ones.
     shown = _sizes(cut, values[:, :, ::finer], step * finer, every) if finer > 1 else size
     uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:

@@ -58,14 +58,14 @@ def simulate_sampled(
     r"""Simulate a loop whose controller is digital and limited, exactly for any dead time of the plant.
 
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
-    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump. To start from rest
-    instead, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and every prefilter
-    are discretised for held inputs with this sample time. All signals and limits are relative to the state of rest. An
-    actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
+    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead of at rest.
+    To start it at rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and
+    every prefilter are discretised for held inputs with this sample time. All signals and limits are relative to the
+    state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
-    limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the
-    difference of filtered set point and measurement. The paper does not say if :math:`Q_n` also filters the set point.
+    limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the set
+    point, after its prefilter, minus the measurement. The paper does not say if :math:`Q_n` also filters the set point.
     To undo this filtering, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and a fast lag that keeps it
     proper.
 
@@ -86,18 +86,18 @@ def simulate_sampled(
         Action of the integral of a continuous controller at a limit. By default, or with "none", it continues to
         integrate. With *clamping* it stops while it would drive the control signal further beyond the limit. With
         *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, where w is the control signal before the limits
-        and u the limited signal. With this error, w would equal u. Here :math:`k_p` is :math:`C(s) - k_i/s` at s = 0.
-        ("reset" and "back-calculation" are options of ``controller.discretise``. A digital controller uses its own
-        anti-windup.)
+        and u the limited signal. If the controller had received this sum in place of ε, its signal w would equal u.
+        Here :math:`k_p` is :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
+        ``controller.discretise``. A digital controller uses its own anti-windup.)
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
         or an integral uses the limited signal before rounding, since it would stick otherwise.
     pulse_widths : int, optional
         Number of widths of pulse width modulation. In each sample the actuator is at the upper limit during the pulse,
-        and then at the lower limit. The width of the pulse is the multiple of ``h / pulse_widths`` whose mean is
-        nearest to the control signal. With 0, the default, the actuator holds its value. Before t = 0 the plant rests
-        as if its input were constant.
+        and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``, chosen so that the
+        mean of the actuator over the sample is nearest to the control signal. With 0, the default, the actuator holds
+        its value. Before t = 0 the plant rests as if its input were constant.
 
     Returns
     -------
@@ -205,7 +205,7 @@ def sampled_controller(
 ) -> tuple[StateSpace, DigitalController]:
     """Discretise the controller of a loop, with its output filter, for held inputs and the sample time h.
 
-    Return the discretised fraction, and a digital controller in series that adds the integral and the limits.
+    Return the discretised transfer function, and a digital controller in series that adds the integral and the limits.
     """
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
@@ -360,8 +360,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As for `simulate_sampled`. Also if the loop is unstable, or if four dead times or the response to a pulse of
-        noise are longer than a million samples.
+        As for `simulate_sampled`. Also if the loop is unstable, if four dead times exceed a million samples, or if the
+        response to a pulse of noise lasts longer than that.
 
     Examples
     --------
