@@ -5,10 +5,11 @@ automatic reset acts back on :math:`u_L`,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-(the symbols are those of huba2024, Fig. 1). F_r is part of G because its input is the *limited* signal, and has a minus
-sign because the reset is positive feedback. Suppose that the loop can rest at a u strictly between the limits. Then the
-deviation of u from this value is a function of the deviation of u_L. This function lies in the sector from 0 to 1: its
-slope is at most 1, and its value is 0 only at 0. The criterion of Popov with the multiplier :math:`\theta \ge 0` is
+(the symbols are those of huba2024, Fig. 1). F_r is part of G because the input of F_r is the *limited* signal. It has a
+minus sign because the reset is positive feedback. Suppose that the loop can rest at a u strictly between the limits.
+Then the deviation of u from this value is a function of the deviation of u_L. This function lies in the sector from 0
+to 1: its slope is at most 1, and its value is 0 only at 0. The criterion of Popov with the multiplier
+:math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
@@ -371,10 +372,10 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
     Notes
     -----
-    `best` is the smallest value so far. The dead time turns only (1 + jωθ) F(jω), whose modulus gives a lower bound of
-    the values within each step of the grid. A step is divided only if this bound is below `best`. With a pole
-    of F at 0, the real part of F would be a small difference of large numbers at low frequencies. Therefore F is
-    written as E/s: the real part of F is Im E/ω, and E has no such pole.
+    `best` is the smallest value so far. The dead time changes only the phase of (1 + jωθ) F(jω). So the modulus of this
+    product gives a lower bound of the values within each step of the grid. A step is divided only if this bound is
+    below `best`. With a pole of F at 0, the real part of F would be a small difference of large numbers at low
+    frequencies. Therefore F is written as E/s: the real part of F is Im E/ω, and E has no such pole.
     """
     # If F has a pole at 0, these are the factors of E = s F.
     axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))

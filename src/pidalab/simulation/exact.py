@@ -52,8 +52,8 @@ AGREEMENT = 1e-10
 # If the relative difference of the first two responses is below CERTAIN, no third response is needed, since equal
 # errors are unlikely.
 CERTAIN = 1e-12
-# Allowed difference, divided by the largest value outside kicks, or by the largest value at the requested times. A kick
-# is a short, very large signal of a fast state.
+# A kick is a short, very large signal of a fast state. This is the allowed difference, divided by the largest value
+# outside kicks or by the largest value at the requested times.
 OUTSIDE_KICKS = 1e-6
 KICK_DURATION = 60.0  # a kick lasts this number of time constants of its fast state
 # After this number of time constants of the fastest state, rounding a time to 1e-16 of its value is too coarse to
@@ -172,7 +172,7 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
     response must be exact from the start, but a response that begins with zeros need not be exact at the zeros.
     Compared with a kick of 1e13, every later difference would be negligible. So values outside kicks are also compared
     with the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead
-    time do not count, because a value within a kick is only as exact as its time.
+    time are not compared, because there the rounding of the time alone changes the value.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)

@@ -55,7 +55,7 @@ def simulate_sampled(
     quanta: tuple[float, float] = (0.0, 0.0),
     pulse_widths: int = 0,
 ) -> Response:
-    r"""Simulate a loop whose controller is digital and limited, exactly for any dead time of the plant.
+    r"""Simulate exactly, for any dead time of the plant, a loop whose controller is digital and limited.
 
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
     step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead of at rest.
@@ -66,8 +66,8 @@ def simulate_sampled(
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the set
     point, after its prefilter, minus the measurement. The paper does not say if :math:`Q_n` also filters the set point.
-    To undo this filtering, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and a fast lag that keeps it
-    proper.
+    To undo the effect of :math:`Q_n` on the set point, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and
+    a fast lag that keeps it proper.
 
     Parameters
     ----------
@@ -383,7 +383,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
             return largest * math.sqrt(total)
     raise ValueError(
         f"loop must be stable with sample_time = {h:g}, and a pulse of noise must decay within {samples // 2} samples; "
-        f"{100 * late / total:.3g} % of its squares come later"
+        f"{100 * late / total:.3g} % of the sum of its squares comes later"
     )
 
 
