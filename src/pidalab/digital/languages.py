@@ -1,6 +1,6 @@
 """Print the statements of a step in a language, and compile the Python form for use in this process.
 
-The other languages, and the complete files with a step, are in `pidalab.plant.code`.
+The other languages, and the files that contain a step, are in `pidalab.plant.code`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PYTHON = Language(
 
 
 def function(program: Program) -> Callable[..., float]:
-    """Return the step as a function of the inputs and of an object with the states, which it changes.
+    """Return the step as a function of an object with the states, which the function changes, and of the inputs.
 
     The executed text contains nothing from a file or a user. All names come from `program`, and constants are passed as
     values instead of text.
