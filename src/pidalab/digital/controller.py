@@ -35,7 +35,7 @@ class DigitalController(Parameters):
     :math:`\varepsilon_{k-1}`.
 
     In manual mode the control signal is the given value, and the integral tracks this value. ``step`` stores its states
-    in the object; simulations do not change them.
+    in the object; simulations do not change these states.
 
     Parameters
     ----------
@@ -258,8 +258,8 @@ class DigitalController(Parameters):
             Control signal in manual mode. By default the mode is automatic.
         track : float, optional
             Signal that has acted on the plant since the last sample, if it differs from the returned signal: the output
-            of a selector, an operator's command or the position of the actuator. In the first call, the controller
-            starts from this signal instead of `bias`.
+            of a selector, an operator's command or the position of the actuator. In the first call, a controller with
+            integral action starts from this signal instead of `bias`.
         feedforward : float, optional
             Signal to add to the control signal. Only for a controller that was discretised with ``feedforward=True``.
 
@@ -288,7 +288,7 @@ class DigitalController(Parameters):
         further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
             raise ValueError(
-                f"feedforward must be 0 unless discretised with feedforward=True, found {feedforward!r}"
+                f"feedforward needs a controller discretised with feedforward=True, found {feedforward!r}"
             )
         further += [self.__dict__.pop("_retuned", False)] * self.tunable
         return self._run(self._states, r, y, *acts[0], *acts[1], *further)
@@ -318,7 +318,7 @@ class DigitalController(Parameters):
     def transfer_function(self) -> control.TransferFunction:
         """Return the transfer function from the error to the control signal, with b = c = 1 and without limits.
 
-        For any weights and any prefilter, its negative is the transfer function from the measurement to u.
+        For any weights and prefilter, the negative of this function is the transfer function from the measurement to u.
 
         Returns
         -------

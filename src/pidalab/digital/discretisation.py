@@ -202,7 +202,7 @@ def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
 
 
 def equal_lags(output_filter: Any) -> tuple[float, int]:
-    """Return time constant and order of an output filter. Raise an error unless it consists of equal lags of gain 1."""
+    """Return time constant and order of an output filter, which must consist of equal lags of gain 1."""
     num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
     order = den.size - 1
     time = float(den[-2] / den[-1]) / order if order and den[-1] else 0.0

@@ -20,7 +20,7 @@ DEFAULTS |= {"feedforward": 0.0, "retuned": False}
 class Language(NamedTuple):
     """Formats of a language for statements and names. ``name`` in a format stands for the name of the controller."""
 
-    # formats of a note, an assignment, a condition, its other branch, and the end of a condition
+    # formats of a note, an assignment, `if`, `else`, and the end of an `if`
     statements: tuple[str, ...]
     words: Mapping[str, str]  # words of program expressions that are written differently in the language
     number: Callable[[float], str]

@@ -80,7 +80,7 @@ class Parameters:
         shares += [("lags", pair) for path in self.paths for pair in zip(path.new, path.old, strict=True)]
         for what, (now, before) in shares:
             if (now and not new) or (before and not old) or (new == old and now != before):
-                raise ValueError(f"{what} must be weights of method {self.method!r}, found {(now, before)}")
+                raise ValueError(f"{what} must fit method {self.method!r}, found {(now, before)}")
         if self.tunable:
             largest = max([*map(abs, self.growth), *(abs(g) for p in self.paths for g in p.gains)])
             if largest > LARGEST_PARAMETER:
@@ -122,7 +122,6 @@ def _numbers(k: Parameters) -> dict[str, Any]:
 
 
 def _path(name: str, path: Any) -> FilterChain:
-    """Check a path."""
     if not isinstance(path, FilterChain):
         raise TypeError(f"{name} must be a FilterChain, found {type(path).__name__}")
     plain = isinstance(path.name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", path.name)
@@ -139,7 +138,7 @@ def _path(name: str, path: Any) -> FilterChain:
         raise ValueError(f"{name} needs one more gain than lags, found {len(gains)} gains, {len(new)} lags")
     for pair in zip(new, old, strict=True):
         if not (min(pair) >= 0.0 and 0.0 < sum(pair) <= 1.0 + SHARE_ROUNDING):
-            raise ValueError(f"{name} must have shares of lags from 0 to 1, found {pair}")
+            raise ValueError(f"{name} must have coefficients of lags from 0 to 1, found {pair}")
     return FilterChain(path.name, _constant(f"{name}.weight", path.weight), new, old, gains)
 
 

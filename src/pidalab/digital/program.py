@@ -255,7 +255,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     ]
     more = " or with new gains" * k.tunable
     body: list[Statement] = [
-        Note(f"in manual mode the operator sets the signal; at the first sample{more} it keeps its value"),
+        Note(f"the control signal is manual_value in manual mode, and unchanged at the first sample{more}"),
         Note(f"follow is true after a skipped sample in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),

@@ -92,7 +92,7 @@ def load(
         and Mt <= M.
     noise_gain : float, optional
         Largest allowed `pidalab.noise_gain`, in units of u per unit of y. To limit the relative noise gain, multiply
-        its limit by the ``gain`` of `pidalab.noise_scale`.
+        the relative limit by the ``gain`` of `pidalab.noise_scale`.
     sample_time : float, optional
         Sample time of the noise, only with `noise_gain`. By default the sample time of `pidalab.noise_scale`, which is
         a hundredth of the ultimate period. The filter time is at least the sample time.
@@ -113,9 +113,9 @@ def load(
         - ``noise_gain``, ``mt``, ``disk`` and ``ms_worst``, if they were limited;
         - ``active``, the names of the active limits ("sample_time" if the filter time equals the sample time);
         - ``edge``, the variables at the edge of the search range. Without a limit on noise this is the filter time,
-          since a shorter one would be better;
+          since a shorter filter time would be better;
         - ``valleys``, the IAE of different local optima. The first value is the IAE of the design. The other values are
-          at most twice as large and are accurate to two digits. With `start` there is only the first;
+          at most twice as large and are accurate to two digits. With `start` there is only the first value;
         - ``digits``, the number of digits of gains, filter time and IAE that are the same on every processor.
 
     Raises
@@ -225,7 +225,7 @@ def _best(
     with the simulated IAE to `SAME_IAE`. The family is considered only after a search for the process alone, since
     `ms_worst` is rarely active.
     """
-    import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
+    import scipy.optimize  # noqa: F401  # loads scipy's BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 

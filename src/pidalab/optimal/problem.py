@@ -7,9 +7,9 @@ closed forms exist at each frequency:
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
-with exact dead time. A second transform gives the whole gradient. The integral of the error is positive and known
-exactly. The IAE is this integral plus twice the area where the error is negative. This area is computed with straight
-lines between samples, so that its slope is continuous, as Newton's method requires.
+with exact dead time. The integral of the error is positive and known exactly. The IAE is this integral plus twice the
+area where the error is negative. This area is computed with straight lines between samples, so that its slope is
+continuous, as Newton's method requires.
 
 The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
 is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. Let ln C change by c, and ln P by p. Then the logarithm of
@@ -125,7 +125,7 @@ class Problem:
         return filtered, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Return the controller at complex s, and a function that returns its slopes by gains and log filter time."""
+        """Return the controller at complex s, and a function for its slopes by the gains and by the log filter time."""
         filtered, lag = self._filter(x, s)
         by_gains = actions * filtered
         controller = x[: self.gains] @ by_gains

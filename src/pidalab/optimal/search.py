@@ -87,7 +87,7 @@ class Search:
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
         """Return the best start at another filter time.
 
-        The candidates are the last optimum x, the same controller with less derivative action, and the first start.
+        The candidates are the last optimum x, x with less derivative action, and the first start.
         """
         count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
@@ -183,7 +183,7 @@ class Search:
             self.w = np.append(self.w, peak * AROUND)
 
     def see(self, k: int, peak: float) -> None:
-        """Let the descents consider plant k of the family. If they do so already, add frequencies around its peak."""
+        """Make plant k of the family active. If the plant is already active, add frequencies around its peak."""
         if k in self.active:
             self.look_at(peak)
         else:

@@ -68,7 +68,7 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a grid from 1e-4 times the slowest root to 1e4 times the fastest root, but not beyond `end`.
+    """Return a frequency grid from 1e-4 times the slowest root (in modulus) to 1e4 times the fastest, at most to `end`.
 
     The inverse of the dead time counts as a root.
     """
@@ -351,7 +351,7 @@ class Axis(ABC):
         Notes
         -----
         `best` is the highest value so far, and `most` is an upper bound of the height within each step of the grid.
-        Only steps whose bound exceeds `best` are divided, those with the largest bounds first. A local maximum of three
+        Only steps whose bound exceeds `best` are divided, in the order of falling bounds. A local maximum of three
         points is refined only if its bound exceeds `best`. So no peak above the result is missed. The values at
         `_probes` are computed first, because a high `best` saves work.
         """

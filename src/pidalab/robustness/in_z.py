@@ -188,7 +188,7 @@ def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
 
     grid, end = frequencies(poles, process.delay, math.pi / h), math.pi / h
     integrates = controller.integrates or process.den[-1] == 0
-    # An integrator makes L infinite at zero frequency, unless a zero of the plant cancels it.
+    # If no zero of the plant cancels the integrator, L is infinite at zero frequency.
     at_zero = math.inf if integrates and process.num[-1] != 0 else L(grid[0] if integrates else 0.0)
     on_grid = Samples(grid, *transfer(1j * grid))
     return AxisInZ(grid, on_grid, process.delay + h, at_zero, L(end), end, transfer=transfer)
