@@ -227,7 +227,6 @@ class Lab:
 
 
 def _power(name: str, power: float) -> float:
-    """Check a power in per cent."""
     return _check.real(name, power, at_least=0.0, at_most=100.0)
 
 
