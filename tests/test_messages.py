@@ -396,7 +396,7 @@ MESSAGES = {
         (discretised(tracking_time=1.0), "tracking_time needs anti_windup='back-calculation', found"),
         (partial(HighOrderPID([1.0, -2.0], 0.1, 1).discretise, 0.01), "anti_windup='reset' needs kp/ki above 0"),
         (discretised(limits=(1.0, 2.0)), r"bias must be within the limits \(1, 2\), found 0"),
-        (partial(PIDA(1, math.inf, 0.5).discretise, 0.01, b=0.0, c=0.0), "b = 0 with c = 0 leaves the set point no"),
+        (partial(PIDA(1, math.inf, 0.5).discretise, 0.01, b=0.0, c=0.0), "the set point has no effect with b = 0"),
         (discretised(anti_windup=1), "anti_windup must be 'reset', .* or None, found 1"),
         (filtered(output_filter=control.tf([1.0], [1, 0.5, 1])), r"equal lags of gain 1, .* \[1\] / \[1, 0.5, 1\]"),
         (filtered(output_filter=control.tf([1.0, 3.0], [0.25, 1.0, 1.0])), "equal lags of gain 1"),
