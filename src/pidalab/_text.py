@@ -39,8 +39,7 @@ def comment_text(text: str, longest: int) -> str:
 def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> str:
     """Return text from outside as one line that is safe in any file: letters, digits, blanks and ``.,_-+°%``.
 
-    Any sequence of other characters, line feeds included, becomes one blank. Use it for every text from outside that is
-    written to a file.
+    Any sequence of other characters, line feeds included, becomes one blank.
 
     Parameters
     ----------

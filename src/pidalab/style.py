@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 GREY = "#808080"  # for limits, set points and records
-LOOKS: dict[str, dict[str, Any]] = {  # equal to those of the lab, book/_static/lab/lab.css
+LOOKS: dict[str, dict[str, Any]] = {  # as in the lab, book/_static/lab/lab.css
     "PIDA": {"color": "#1f5fa8", "linestyle": "-"},
     "m = 3": {"color": "#2a8f5b", "linestyle": (0, (6, 1.5))},
     "m = 4": {"color": "#8a4fa3", "linestyle": (0, (1, 1.5))},
@@ -18,7 +18,7 @@ LOOKS: dict[str, dict[str, Any]] = {  # equal to those of the lab, book/_static/
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
     "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
-# A further design of the same kind gets the first free look in this order.
+# A further design of the same kind gets the first unused look in this order.
 OTHERS = ("m = 3", "m = 4", "other", "PID", "PI", "PIDA")
 SETTLED = {  # fixed looks of controllers and anti-windup methods that appear on several pages
     "PPM-PIDA": "m = 3",
@@ -72,7 +72,7 @@ def kind_of(label: str) -> str | None:
 class BookAxes(Axes):
     """Axes in which the label of a line determines its look. The same kind has the same look in the whole figure.
 
-    If the figure already has lines of some kind, a label that names no kind gets a free look.
+    If the figure already has such lines, a label that names no kind gets an unused look.
     """
 
     name = "rectilinear"

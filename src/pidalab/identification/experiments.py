@@ -20,11 +20,11 @@ from pidalab.process import Process, ipdt
 LEVELS = (0.05, 0.353, 0.853)  # levels of the three-point model, as shares of the change
 OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an overshoot must be noise
 MOST_ENDS = 400  # a ramp is fitted to at most this number of intervals, which all begin at 0
-# A record has settled if the mean changes by less than this share between its last two tenths.
+# A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
 NOISY = 0.01  # with more noise, as a share of the whole change, single samples mislead
-# If the gain of the record exceeds the gain of the model by a larger share, Ms is clearly larger with the process than
-# with the model.
+# If the gain of the record exceeds the gain of the model by more than this share, Ms is clearly larger with the process
+# than with the model.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -259,7 +259,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     t : array_like, shape (n,)
         Uniform times that start at 0.
     y : array_like, shape (n,)
-        Output, which is linear between samples. Before t = 0 it rests at its first sample.
+        Output, taken as linear between samples. Before t = 0 it rests at its first sample.
     filter_time : float
         Time constant of the filter, above 0.
     filter_order : int
@@ -318,8 +318,8 @@ def ipdt_least_squares(
         Change of the input, not 0. By default 1.
     rise : float, optional
         Fraction of the whole change, between 0 and 1. The smallest t_1 is the time at which the output was last below
-        this fraction. The fraction must be large compared with the noise. If it is small and the output is steepest at
-        its beginning, the gain may approach that of `ipdt_tangent`.
+        this fraction. The fraction must be large compared with the noise. If the fraction is small and the output is
+        steepest at its beginning, the gain may approach that of `ipdt_tangent`.
 
     Returns
     -------

@@ -27,7 +27,7 @@ class Lab:
     Parameters
     ----------
     connected : bool, optional
-        Use the board at a serial port. By default a board is simulated. It starts at 21 degrees.
+        Use the board at a serial port. By default a board is simulated, which starts at 21 degrees.
     seed : int, optional
         Seed of the simulated noise.
 

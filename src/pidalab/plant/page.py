@@ -1,4 +1,4 @@
-"""Figures of a report, and the page that contains them."""
+"""Draw the figure of a report, and write its page."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Report:
     rows : tuple of DesignRow
         The candidates with designs, measures and responses.
     plants : tuple of Process
-        Further plants that the model allows.
+        Further plants within the uncertainty of the model.
     """
 
     process: Process

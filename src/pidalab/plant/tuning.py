@@ -25,8 +25,8 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# Largest sample time of an integrating plant, in slowest time constants or dead times. After this time only the
-# integrator still moves.
+# Largest ratio of the sample time to the slowest time constant or dead time of an integrating plant. After this time
+# only the integrator still moves.
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`

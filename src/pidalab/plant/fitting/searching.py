@@ -237,7 +237,7 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Largest root mean square of the residuals of a model that counts as equally good."""
+        """A model counts as equally good if the root mean square of its residuals is at most this."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
@@ -357,7 +357,7 @@ def loaded(data: FitData) -> FitData:
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
     """Return the models of `_hidden`, which have a further lag that the record does not rule out.
 
-    If the fitted model has equal lags, add those of `SECOND_ORDER`, since its response is almost the same.
+    If the fitted model has equal lags, add those of `SECOND_ORDER`, which responds almost equally.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)

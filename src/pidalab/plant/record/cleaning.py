@@ -33,7 +33,7 @@ MANY_STEPS, LITTLE = 2.5, 0.005
 # An input is a clock if it differs from a straight line in time by less than STRAIGHT times its span. It is a copy of
 # the output if it differs from a linear function of the output by less than COPY times its span.
 STRAIGHT, COPY = 0.01, 1e-4
-DISORDER = 0.05  # largest share of samples with a smaller time than an earlier sample
+DISORDER = 0.05  # largest accepted share of samples whose time is below a preceding time
 LISTED = 4  # a message lists at most this number of entries, and counts the others
 
 Places = NDArray[np.intp]  # indices of samples
@@ -199,8 +199,8 @@ def outlier_note(y: Array, where: Sequence[str]) -> str:
     if still := standing_still(y):
         runs = _first_few([f"{where[a]} to {where[b].split()[-1]} (y = {y[a]:.6g})" for a, b in still])
         notes.append(
-            f"the output stands still, to the last digit, in {runs}: the end of the sensor's range, a lost sensor, or "
-            "a plant that has stopped"
+            f"the output stands still to the last digit in {runs}: the sensor is lost or at the end of its range, or "
+            "the plant has stopped"
         )
     return "; ".join(notes)
 
