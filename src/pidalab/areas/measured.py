@@ -1,11 +1,10 @@
 r"""Measure characteristic areas from a record, for tuning without a model (vrancic2021).
 
-The areas are those of `pidalab.areas.from_process`. The paper integrates the record repeatedly: :math:`y_k = \int
-(A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here the areas are computed from moments of u and y about the
-time of the change, up to the time at which the record has settled. Without noise both methods give the same areas.
-Repeated integration runs to the end of the record, where the weights of the noise are largest. In a record of 1/(s +
-1)^4 that is 50 time constants long and has noise of 0.001, the error of A_5 is 50 % with repeated integration and 3 %
-with moments.
+The paper integrates the record repeatedly: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`.
+Here the areas are computed from moments of u and y about the time of the change, up to the time at which the record has
+settled. Without noise both methods give the same areas. Repeated integration runs to the end of the record, where the
+weights of the noise are largest. In a record of 1/(s + 1)^4 that is 50 time constants long and has noise of 0.001, the
+error of A_5 is 50 % with repeated integration and 3 % with moments.
 """
 
 from __future__ import annotations
@@ -105,7 +104,7 @@ def from_record(
     t : array_like, shape (n,), or Record
         Uniform times from 0. A `pidalab.Record` replaces t, u and y.
     u, y : array_like, shape (n,), optional
-        Input, held from each sample to the next, and output. Both must rest at the beginning (unless `start` is given)
+        Input (held from each sample to the next) and output. Both must rest at the beginning (unless `start` is given)
         and at the end.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.

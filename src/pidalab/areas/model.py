@@ -100,7 +100,6 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
     Returns
     -------
     ndarray, shape (count,)
-        Areas of both in series.
 
     Raises
     ------
@@ -134,7 +133,6 @@ def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int
     Returns
     -------
     ndarray, shape (count,)
-        Areas of both in series.
 
     Raises
     ------

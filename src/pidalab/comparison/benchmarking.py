@@ -300,7 +300,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw the IAE of each rule on the plants, for the kinds of this rule, and mark this rule.
+        """Draw the IAE of all rules for the kinds of controller of this rule, and highlight this rule.
 
         Parameters
         ----------
@@ -310,7 +310,7 @@ class Benchmark:
         Returns
         -------
         matplotlib.figure.Figure
-            One panel with the median, and the range from the first to the ninth decile of the plants.
+            One panel with the median over the plants, and the range from the first to the ninth decile.
 
         Examples
         --------

@@ -40,9 +40,9 @@ class Design:
     source : str
         Paper and equations of the rule.
     info : mapping, optional
-        Further results of the rule by name, such as a predicted IAE.
+        Further results of the rule, such as a predicted IAE, by name.
     sources : mapping, optional
-        Sources of entries of `info`, by the same names.
+        Source of each entry of `info`, by the same name.
 
     Examples
     --------

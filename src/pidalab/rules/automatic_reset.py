@@ -120,7 +120,7 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Returns
     -------
     Setting
-        Setting computed from the exact zeros, not from the printed ones.
+        Computed from the exact zeros, not from the printed ones.
 
     Raises
     ------

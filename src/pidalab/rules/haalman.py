@@ -239,7 +239,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     Returns
     -------
     OutputFilter
-        Time constant ``0.05/wgc``, order, and ``wgc``. A `Loop` accepts the filter as a block.
+        Time constant ``0.05/wgc``, order, and gain crossover frequency ``wgc``. A `Loop` accepts the filter as a block.
 
     Raises
     ------

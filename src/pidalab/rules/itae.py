@@ -15,7 +15,7 @@ the paper as we read it. Either the print or our reading is wrong:
 * Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The printed tunings confirm the first, third and last correction, and do not depend on the others. All constants are as
+The printed tunings confirm the first, third and last correction, but do not test the others. All constants are as
 printed. The largest jump between two branches of a formula is 13 %, in the gain of Table 2 at ξ = 0.9 for r = 2.
 
 `setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits. Even with these factors the ITAE
@@ -152,8 +152,8 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The ratio r of the changed model may be as small as 0.057. This is outside the range of the table, but the paper
-    uses the table there, too. The last formula is corrected (see the top of this module).
+    The ratio r of the changed model may be as small as 0.057. Like the paper, we use the table outside its range. The
+    last formula is corrected (see the top of this module).
 
     Parameters
     ----------

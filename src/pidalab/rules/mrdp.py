@@ -320,8 +320,8 @@ def smallest_te(m: int, n: int) -> float:
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
-    and near this maximum the phase of the dead time passes through all values. So the loop is stable roughly if the
-    maximum is below 1. The function starts from this estimate and bisects, testing stability by the argument principle.
+    and near this maximum the phase of the dead time passes through all values. So the loop is stable if the maximum is
+    below about 1. The function starts from this estimate and bisects, testing stability by the argument principle.
 
     Parameters
     ----------
