@@ -31,7 +31,7 @@ import numpy as np
 LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
 KERNELS = PACKAGE / "simulation"  # folder of all kernels
-LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers
+LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers than this
 PLAIN_SECONDS = 1.0  # compiled code is sought whenever plain forms have taken this time
 RETRY_SECONDS = 600.0  # time before a second attempt to compile; each later wait is four times as long
 MOST_ATTEMPTS = 6
@@ -202,7 +202,7 @@ TIER = Tier()
 
 
 def _cache_folder() -> Path | None:
-    """Return the folder that stores compiled code, or None if no such folder can be written to."""
+    """Return the folder that stores compiled code, or None if no folder is writable."""
     home = os.path.expanduser("~")  # stays "~" if the user has no home folder
     user = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or os.path.join(home, ".cache")
     chosen = os.environ.get("NUMBA_CACHE_DIR")

@@ -210,7 +210,6 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            L(s).
 
         Raises
         ------
@@ -237,7 +236,6 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            S(s).
 
         Raises
         ------
@@ -265,7 +263,6 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            T(s).
 
         Raises
         ------
@@ -296,7 +293,6 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            The values.
 
         Raises
         ------

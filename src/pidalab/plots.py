@@ -416,7 +416,7 @@ class _LiveFigure:
 
 
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
-    """Make a live figure of the book from controllers.
+    """Make a live figure of the book.
 
     Call the function in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers
     without JavaScript see the figure that the cell draws.

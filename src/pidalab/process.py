@@ -125,7 +125,7 @@ class Process(Block):
 
     @classmethod
     def from_control(cls, sys: control.TransferFunction, delay: float = 0.0) -> Process:
-        """Take the rational part from python-control and add a dead time.
+        """Make a process from a transfer function of python-control and a dead time.
 
         Parameters
         ----------
@@ -429,8 +429,8 @@ class AsymmetricPlant:
     .. math:: T(w, x)\,\dot x = w - x, \quad T = T_{rise} \text{ where } w > x, \text{ otherwise } T_{fall};
               \qquad y = G(s)\,x + D(s)\,w; \qquad w(t) = v(t - L)
 
-    where v is the input. At rest x = w, so the static gain is the same in both directions. Signals may therefore be
-    taken relative to any state of rest.
+    where v is the input and x the state of the store. At rest x = w, so the static gain is the same in both directions.
+    Signals may therefore be taken relative to any state of rest.
 
     Parameters
     ----------

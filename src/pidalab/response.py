@@ -19,8 +19,8 @@ ARRIVED_SHARE = 0.1
 class Response(Signals):
     r"""Sampled signals of one experiment on a loop, simulated or recorded.
 
-    Between two samples, the control error is the parabola that passes through both end values and has the exact area
-    (`area`). So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
+    Between two samples, the control error is the parabola that passes through both end values and has the integral
+    given by `area`. So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
 
     Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. If this
     takes too many points, a warning is issued. For a record with a given `area`, measures of y and e are compared with
@@ -241,8 +241,8 @@ class Response(Signals):
         r"""Return the total variation in excess of one pulse (huba2024, eq. (24)).
 
         The excess is :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|`. It is zero for a signal with two
-        monotonic intervals, such as an ideal control signal. :math:`x_m` is the value that is farthest from the mean of
-        :math:`x_0` and :math:`x_\infty`.
+        monotonic intervals, such as an ideal control signal. Here :math:`x_0 = 0` is the value at rest, and :math:`x_m`
+        the value farthest from the mean of :math:`x_0` and :math:`x_\infty`.
 
         Parameters
         ----------

@@ -61,7 +61,7 @@ STYLE: dict[str, Any] = {
 
 
 def kind_of(label: str) -> str | None:
-    """Return the kind of controller that a label names. "m = 2" and "PID₄²" have two derivatives."""
+    """Return the kind of controller that a label names. For example, "m = 2" and "PID₄²" name a PIDA."""
     if derivative_label := re.match(r"m = ([0-4])|PID[₀-₉]([⁰¹²³⁴])", label):
         derivatives = int(derivative_label[1] or "⁰¹²³⁴".index(derivative_label[2]))
         return ("PI", "PID", "PIDA", "m = 3", "m = 4")[derivatives]

@@ -44,7 +44,7 @@ CHECKED_FROM = 3e3
 # Units of time and of u in which a response is computed again, one after the other, until it is clearly accepted or
 # rejected.
 OTHER_UNITS = (1.3, 0.6, 2.2)
-FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared
+FEWEST_COMPARED = 64  # two responses are compared at no fewer time steps
 DENSE = 10_000  # before a response is rejected, its largest value is sought at this many times or more
 # Allowed difference of two responses, divided by the largest value of the signal.
 AGREEMENT = 1e-10
@@ -65,7 +65,7 @@ AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary
 
 
 def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
-    """Compute and check y, its running integral and u at n times from 0, for a unit step on each input.
+    """Compute y, its running integral and u at n times from 0, for a unit step on each input, and check them.
 
     The shape of the result is (inputs, 3, n).
 

@@ -179,7 +179,8 @@ def _responses(cut, step, n, intervals, norm):
         if element.shape[1] == most * size and most < intervals + 1:
             return result, most, TOO_DEEP
 
-    # Each state at a multiple of the dead time contributes to the later states within the reach of `across`.
+    # `across` advances a state by one dead time. Each state contributes to the later states within the reach of
+    # `across`.
     states = np.zeros((inputs, (intervals + 1) * size))
     for i in range(inputs):
         for j in range(size):

@@ -175,7 +175,7 @@ class _States:
         self.used = inputs
 
     def signal(self, place: int) -> Array:
-        """Return one element of (x, W) as a signal. For the index -1, return the signal 0."""
+        """Return one element of (x, W) as a signal, or the signal 0 for the index -1."""
         row = np.zeros(self.moves.shape[1])
         if place >= 0:
             row[place] = 1.0

@@ -280,7 +280,7 @@ def _with_reset(
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
     fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
-    # In each sample the lag of the reset moves by this share towards the control signal.
+    # In each sample the state of the reset moves towards the control signal by this share of their distance.
     share = -math.expm1(-h / reset.time)
     return fraction, _behind(h, limits, integral=share, from_signal=True)
 
@@ -311,7 +311,6 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     Returns
     -------
     ndarray, shape (n,)
-        The record.
 
     Raises
     ------
@@ -359,8 +358,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As for `simulate_sampled`. Also if the loop is unstable, if four dead times exceed a million samples, or if the
-        response to a pulse of noise lasts longer than that.
+        As for `simulate_sampled`. Also if the loop is unstable, or if four dead times or the response to a pulse of
+        noise exceed a million samples.
 
     Examples
     --------

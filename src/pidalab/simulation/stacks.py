@@ -95,9 +95,9 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
     Notes
     -----
-    The columns for the first time are the coefficients of the outputs. Before each pass, `have` columns are complete.
-    The pass multiplies these columns by the next power, which gives the columns for as many later times. The pass then
-    drops the ages that no output reads.
+    The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns are complete.
+    The pass multiplies them by the next power, which gives the columns of as many later times. The pass then drops the
+    ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
