@@ -61,7 +61,7 @@ def exact(process: Process, count: int) -> list[Fraction]:
     Parameters
     ----------
     process : Process
-        Stable process. A common factor s is cancelled.
+        As for `from_process`.
     count : int
         Number of areas, at least 1.
 

@@ -113,7 +113,6 @@ def measure_row(
     Returns
     -------
     DesignRow
-        The measures. `reason` says which measures are missing.
 
     Examples
     --------
