@@ -1,9 +1,9 @@
 """Kernels: functions that exist in plain Python and as machine code, which numba compiles and stores.
 
 Importing numba takes longer than a short computation, and compiling takes up to a minute. A process therefore starts
-with the plain forms, whose results differ only by rounding. After a second in plain forms, the process uses the
-compiled code if the code of all kernels is stored. Otherwise it starts another process that compiles in the background.
-A call with large arguments waits for compiled code. Without numba every call uses the plain form.
+with the plain forms, whose results differ from compiled ones only by rounding. After a second in plain forms, the
+process switches to compiled code if all kernels are stored. Otherwise it starts another process that compiles in the
+background. A call with large arguments waits for compiled code. Without numba every call uses the plain form.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. With ``PIDALAB_COMPILE=0``, or numba's
 own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set,
@@ -253,7 +253,8 @@ def compile_in_background() -> None:
     state = code_folder()
     if state is None or not sys.executable:
         return
-    # On Windows the process is detached, in a new group and below normal priority. Elsewhere it lowers its priority.
+    # On Windows the process is detached, in a new group and below normal priority. Elsewhere the process lowers its own
+    # priority.
     apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
     closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     # Start in the package's folder. Keep the working directory off the path, since files in it must not be imported.

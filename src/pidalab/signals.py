@@ -85,7 +85,7 @@ class Signals:
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return the record at every second time. Return None if `t.size` is even or small, or held signals vary."""
+        """Return every second sample as a record, or None if `t.size` is even or small, or if a held signal varies."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
@@ -150,7 +150,7 @@ class Signals:
                 break
             try:
                 record = record._refined()
-            except ValueError:  # the engine does not accept so many times
+            except ValueError:  # the engine refuses so many samples
                 break
             other, value = value, measure(record)
             doubt = abs(other - value) / size()

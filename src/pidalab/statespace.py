@@ -177,7 +177,7 @@ class Piece(NamedTuple):
     """Section of a sample interval in which a held and delayed input is constant."""
 
     time: float
-    lag_samples: int  # the input of this many samples ago acts
+    lag_samples: int  # the input from this many samples ago acts
     offset: float  # time for which this input acted before the piece begins
 
 
@@ -203,6 +203,7 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # Every time constant is shorter than the duration, so the static gain dominates. This form keeps its digits.
+        # Every time constant is shorter than the duration, so the static gain dominates. This form keeps the digits of
+        # the gain.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

@@ -44,7 +44,7 @@ CHECKED_FROM = 3e3
 # Units of time and of u in which a response is computed again, one after the other, until it is clearly accepted or
 # rejected.
 OTHER_UNITS = (1.3, 0.6, 2.2)
-FEWEST_COMPARED = 64  # two responses are compared at no fewer time steps
+FEWEST_COMPARED = 64  # two responses are compared at this number of time steps or more
 DENSE = 10_000  # before a response is rejected, its largest value is sought at this many times or more
 # Allowed difference of two responses, divided by the largest value of the signal.
 AGREEMENT = 1e-10
@@ -114,8 +114,8 @@ def _require_agreement(
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
-    # If `finer` is 1, all times are requested. Otherwise `every` is 1, so the compared times include the requested
-    # ones.
+    # If `finer` is 1, all times are requested. Otherwise `every` is 1, so the compared times include all requested
+    # times.
     shown = _sizes(cut, values[:, :, ::finer], step * finer, every) if finer > 1 else size
     uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:

@@ -100,7 +100,7 @@ def times_ring_function(
 
 
 def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
-    """Return the coefficients by which direct W reads x(t - delay), x(t - 2 delay), ..."""
+    """Return the coefficients of x(t - delay), x(t - 2 delay), ... in the signal direct W."""
     read = []
     for _ in range(AGES - 1):
         read.append(direct @ Cv)
@@ -117,8 +117,8 @@ FASTER, HIGH_GAIN = 10.0, 100.0
 # Consider the parts that are more than STIFF times as fast as the states that drive them. If all of these parts are
 # even more than VERY_STIFF times as fast, and their kicks change the process output by less than SENDS_LITTLE, they are
 # kept out of the process (see `_cut`), and all other parts count as slow. After a part that is kept out has settled, u
-# is read from the past and present states that drive the part, because the rounding of its own states grows with the
-# ratio of the speeds. The effect of the fast states on the process is then neglected, since it decreases with the
+# is read from the past and present states that drive the part, because the rounding of the part's own states grows with
+# the ratio of the speeds. The effect of the fast states on the process is then neglected, since it decreases with the
 # square of this ratio.
 STIFF = 100.0
 VERY_STIFF = 1e6

@@ -95,8 +95,8 @@ def simulate_sampled(
     pulse_widths : int, optional
         Number of widths of pulse width modulation. In each sample the actuator is at the upper limit during the pulse,
         and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``, chosen so that the
-        mean of the actuator over the sample is nearest to the control signal. With 0, the default, the actuator holds
-        its value. Before t = 0 the plant rests as if its input were constant.
+        mean output of the actuator in the sample is nearest to the control signal. With 0, the default, the actuator
+        holds its value. Before t = 0 the plant rests as if its input were constant.
 
     Returns
     -------

@@ -31,7 +31,7 @@ class PlantStates(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Transitions of the plant over the pieces of a sample interval, for both of its systems."""
+    """Transitions of both systems of a plant over the pieces of a sample interval."""
 
     phi: Array  # (pieces, 2, n, n)
     gamma: Array  # (pieces, 2, n)

@@ -264,5 +264,5 @@ def distance_after(k, i, step, delay):
 
 @compiled
 def bit_is_set(count, power):
-    """Return True if the binary form of a count contains this power of 2. The count may be an integer of any size."""
+    """Return True if the binary form of a count contains 2^power. The count may be an integer of any size."""
     return np.floor(count * 2.0**-power) % 2.0 == 1.0
