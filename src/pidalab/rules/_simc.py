@@ -31,9 +31,9 @@ def simc(
 
     The controller is in series form. The half rule keeps the lag τ_1 for PI, and τ_1 and τ_2 for PID. It adds half of
     the largest neglected lag to the smallest kept lag. The effective dead time θ is the sum of the dead time, the other
-    half of that lag, all smaller lags, and the time constants of zeros in the right half-plane. A zero in the left
-    half-plane is cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite lag. For a
-    pure dead time the result is an integral controller. For a double integrator it is a PID controller with
+    half of the largest neglected lag, all smaller lags, and the time constants of zeros in the right half-plane. A zero
+    in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite
+    lag. For a pure dead time the result is an integral controller. For a double integrator it is a PID controller with
     :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     Parameters

@@ -247,14 +247,14 @@ def tune_for_noise(
     Raises
     ------
     TypeError, ValueError
-        As for `tune` and `filter_time`, and if the filter time does not settle. For n = m this happens if no filter
+        As for `tune` and `filter_time`, and if the filter time does not converge. For n = m this happens if no filter
         gives so small a noise gain.
 
     Notes
     -----
     With the initial value and the four updates of Fig. 5, filter times and gains agree with the paper within a unit of
     the last digit: 69 of 70 in Tables 3 to 5, and all 18 in Table 6. With the default number of updates, they differ by
-    up to four units in the rows where the filter time settles slowly (n = m, and m = 4).
+    up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
 
     Examples
     --------

@@ -100,7 +100,7 @@ class Rule:
         Raises
         ------
         ValueError
-            If the rule does not design this kind, or if its function refuses the model.
+            If the rule does not design this kind, or refuses the model.
 
         Examples
         --------
