@@ -64,8 +64,8 @@ def discretise(
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
     without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave it
-    late. *Back-calculation* with a short `tracking_time` leaves a limit early. With each of these three methods the
-    controller always leaves the limit. Use None only for actuators without limits.
+    late. *Back-calculation* with a short `tracking_time` leaves a limit early. With all three, the controller always
+    leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------

@@ -10,8 +10,8 @@ of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference that ends at the last state. Lags with different time constants also form one chain. A
-derivative then also needs gains on lower differences. These formulas apply to the methods *backward* and *tustin*,
+which is the j-th difference that ends at the last state. Lags with different time constants also form one chain, in
+which a derivative needs gains on lower differences, too. These formulas apply to the methods *backward* and *tustin*,
 which substitute an expression for s. The method *zoh*, which is exact for a held input, uses other gains.
 
 =========  =======================  =====================  =======================================

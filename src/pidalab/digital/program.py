@@ -128,8 +128,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    With `block`, `summed` comes from a filter outside the program, whose input is the error. The result is cached and
-    shared, so do not change it.
+    With `block`, a filter outside the program computes `summed` from the error. The result is cached and shared, so do
+    not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}

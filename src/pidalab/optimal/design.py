@@ -384,7 +384,7 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
        collects all optima.
     2. Descents with a free filter time (`free`) begin at the optima of the grid and at the other starts.
     3. The best ends are refined (`finished`).
-    4. Descents from random starts around the best end (`shaken`) check that it is a local optimum.
+    4. Descents from random starts around the best end (`shaken`) check that this end is a local optimum.
     """
     first = starts[0]
     x, on_grid = first, []

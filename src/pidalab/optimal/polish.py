@@ -40,7 +40,7 @@ SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
 ROOM = 1e-9  # relative allowance for rounding at a limit
-NEAR_LIMIT = 0.05  # a peak becomes a condition if log(height / limit) > -NEAR_LIMIT
+NEAR_LIMIT = 0.05  # a peak is near its limit if log(height / limit) > -NEAR_LIMIT
 FREQUENCY_STEP = 1e-5  # relative step in frequency for the curvature of a peak
 PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
 # Largest and least step of the differences for second derivatives, in scaled variables.

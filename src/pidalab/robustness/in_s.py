@@ -27,7 +27,7 @@ from pidalab.roots import roots
 # If the dead time turns the phase by more than this angle in rad, rounding hides a fraction of a turn.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
-CLEAR = 10.0  # the grid is extended until |L| has passed this value or 1 / this value
+CLEAR = 10.0  # the grid is extended until |L| is above this value or below 1 / this value
 
 
 class LoopFactors(NamedTuple):

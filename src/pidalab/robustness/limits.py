@@ -149,7 +149,7 @@ def linear_part(loop: Loop) -> LinearPart:
     reset = loop.automatic_reset
     if reset is None:
         ti, controller = math.inf, loop.blocks["controller"]
-    else:  # the stabilising controller remains without the reset
+    else:  # without the reset, only the stabilising controller remains
         ti, controller = reset.time, (reset.stabiliser, binomial(reset.filter_time, reset.filter_order))
     num, den, zeros, poles = np.ones(1), np.ones(1), [], []
     for own_num, own_den in (controller, loop.blocks["process"], loop.blocks["output_filter"]):

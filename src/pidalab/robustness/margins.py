@@ -326,7 +326,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at this array."""
+    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at its points."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)

@@ -183,7 +183,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
             solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
                 np.abs(step) <= SOLVED * np.abs(s)
             )
-            # A zero of L that equals a pole of L is a pole of the loop. There L would be 0/0.
+            # A zero of L that equals a pole of L is a pole of the loop. At this pole L would be 0/0.
             cancelled = np.isin(s, factors.zeros) & np.isin(s, factors.poles)
             off = np.where(solved | cancelled | (s == 0), 0.0, s.size * np.abs(step))
             if not np.any(off):
