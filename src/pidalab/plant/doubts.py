@@ -29,8 +29,8 @@ DOUBTS = {
     "only {noise:.3g}: the plant has other dynamics than the model, or something else moved the output",
     "initial state": "the record does not begin at rest: an initial state was fitted as well",
     "hold-out": "the hold-out data are predicted worse than the other data are fitted: NRMSE {holdout:.2f}",
-    "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties are {times:.2g} times "
-    "those for white noise",
+    "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties were multiplied by "
+    "{times:.2g}",
     # doubts about a design
     "time unit": "the sample time of {sample_time:g} is {share:.3g} times that of the record, {recorded:.4g}: is it in "
     "the record's unit of time?",
