@@ -122,7 +122,7 @@ MESSAGES = {
     "controllers": [
         (pida(kp=0.0), "kp must not be 0, found 0"),
         (partial(NonInteractivePIDA, 0, 4.0, 1.0, 1.0), "kc must not be 0"),
-        (high(filter_time=0.0), "filter_time must be above 0 with filter_order, and 0 without,"),
+        (high(filter_time=0.0), "filter_time must be 0 if filter_order is 0, and above 0 otherwise, found"),
         (high(gains=[0.5, 2.0, 1.0, 0.25, 0.1], filter_order=3)().gains, "no PIDA form: derivatives go up to order 3"),
         (series(filter_order=2, limits=(1.0, 0.0)), r"limits must be .* lower < upper, found \(1\.0, 0\.0\)"),
         (IdealGains(1.0, 0.0, 1.0, 0.0).standard, "no standard form: kp is 0"),
@@ -196,7 +196,7 @@ MESSAGES = {
         (
             partial(unit_step_responses, Loop(Process([3.26], [1, 1], 0.0885), PIDA(0.0416, 0.731, 0.338, 0.0382,
                     n=120.3, m=1e5)), np.array([0.0, 0.567]), "rdn"),
-            "rounding leaves .* of the largest value of .* (time constant|more times)",
+            "rounding makes .* uncertain by .* of its largest value.* (time constant|more times)",
         ),
         (noise(amplitude=-1.0), r"amplitude must be at least 0, found -1\.0"),
         (noise(hold=0.07), r"hold must be a multiple of the step of t \(0\.05\), found 0\.07"),
@@ -333,7 +333,7 @@ MESSAGES = {
         (poles(m=200, n=201), "m must be at most 100, found 200"),
         (poles(m=0, n=0), "te must be above 0 with a filter and 0 without"),
         (poles(model=ipdt(1.0, 0.0), m=0, n=0, te=0.0), "must have a dead time"),
-        (reset(model=ipdt(1.0, 0.0), weight=0.0), "model must have a dead time where weight is 0"),
+        (reset(model=ipdt(1.0, 0.0), weight=0.0), "model must have a dead time if weight is 0"),
         (reset(setting="PI"), r"setting must be a Setting, such as automatic_reset\.PIDA_1, found 'PI'"),
         (reset(weight=0.49), r"weight must be 0, or from 0\.5 to 1, found 0\.49"),
         (partial(automatic_reset.multiple_pole, 3), "m must be at most 2, found 3"),
@@ -363,7 +363,7 @@ MESSAGES = {
         (partial(areas.with_filter, [1.0], control.tf([1.0], [1.0, -2.0])), "block must be stable"),
         (areas_of(u=(TIMES < 9) * 1.0, start=(0.0, 0.0)), "u must end elsewhere than it begins"),
         (areas_of(y=RISE[:-1]), r"y must be a number or as long as t \(4001\), found shape \(4000,\)"),
-        (areas_of(u=np.arange(4001) >= 3995), "y must have more than 16 samples after the first move of u, found 5"),
+        (areas_of(u=np.arange(4001) >= 3995), "y must have at least 16 samples after u first moves, found 5"),
         (areas_of(start=0.0), "start must be two numbers, the levels of u and y"),
         (partial(areas.from_record, RECORD, np.ones(40), count=4), "left out with a Record"),
         (partial(areas.from_record, TIMES, np.ones(4001), count=4), "u and y must be given, unless t is a Record"),
@@ -396,7 +396,7 @@ MESSAGES = {
         (discretised(tracking_time=1.0), "tracking_time needs anti_windup='back-calculation', found"),
         (partial(HighOrderPID([1.0, -2.0], 0.1, 1).discretise, 0.01), "anti_windup='reset' needs kp/ki above 0"),
         (discretised(limits=(1.0, 2.0)), r"bias must be within the limits \(1, 2\), found 0"),
-        (partial(PIDA(1, math.inf, 0.5).discretise, 0.01, b=0.0, c=0.0), "b = 0 with c = 0 leaves the set point no"),
+        (partial(PIDA(1, math.inf, 0.5).discretise, 0.01, b=0.0, c=0.0), "the set point has no effect with b = 0"),
         (discretised(anti_windup=1), "anti_windup must be 'reset', .* or None, found 1"),
         (filtered(output_filter=control.tf([1.0], [1, 0.5, 1])), r"equal lags of gain 1, .* \[1\] / \[1, 0.5, 1\]"),
         (filtered(output_filter=control.tf([1.0, 3.0], [0.25, 1.0, 1.0])), "equal lags of gain 1"),
@@ -414,7 +414,7 @@ MESSAGES = {
     "optimal": [
         (partial(optimal, L, 1), "pass its .process"),
         (partial(optimal, LAG, 1, mks=0.5), r"mks must be above 1/\|P\(0\)\| = 1"),
-        (partial(optimal, LAG, 1, disk=2.0), "disk must be below 2, .* found 2"),
+        (partial(optimal, LAG, 1, disk=2.0), "disk must be below 2 .*, found 2"),
         (partial(optimal, LAG, 1, sample_time=2.0), "sample_time needs noise_gain"),
         (partial(optimal, LAG, 1, noise_gain=9.0, sample_time=1e3), "sample_time must"),
         (partial(optimal, Process([1.0], [1.0, 0.0]), 1, noise_gain=2.0), "process"),
@@ -425,7 +425,7 @@ MESSAGES = {
     "comparison": [
         (terms(noise_gain=0.0), "noise_gain must be above 0"),
         (partial(at_equal_terms, LAG, LAG, 1.4, 1.0, 0.05), "design must be"),
-        (terms(noise_gain=1e-9), r"ms = 1\.4 needs gains times 0\.004, below 0\.01"),
+        (terms(noise_gain=1e-9), r"ms = 1\.4 needs gains scaled by 0\.004, below 0\.01"),
         (partial(pidalab.compare, LAG, sample_time=-1.0), "sample_time"),
     ],
 }  # fmt: skip

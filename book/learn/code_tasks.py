@@ -1,6 +1,6 @@
-"""Judge the six short programs that the lectures ask for, by what they compute on random cases.
+"""Judge the six short programs of the lectures by their results on random cases.
 
-A task is a function that the reader writes. Its name says which task it answers.
+For each task the reader writes one function, which has the name of the task.
 """
 
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-Case = tuple[tuple[Any, ...], Any]  # arguments, and what the function should return
+Case = tuple[tuple[Any, ...], Any]  # arguments, expected result
 CASES = 20
 
 
@@ -27,7 +27,7 @@ def integral_of_error(random: np.random.Generator) -> Iterator[Case]:
 
 
 def half_rule(random: np.random.Generator) -> Iterator[Case]:
-    """Lecture 3: a lag and a dead time for many lags."""
+    """Lecture 3: one lag and a dead time in place of many lags."""
     lags = np.sort(random.uniform(0.1, 5, 4))[::-1]
     delay = random.uniform(0, 2)
     yield (
@@ -37,7 +37,7 @@ def half_rule(random: np.random.Generator) -> Iterator[Case]:
 
 
 def filtered_deviation(random: np.random.Generator) -> Iterator[Case]:
-    """Lecture 4: what a first-order filter leaves of white noise."""
+    """Lecture 4: the standard deviation of white noise after a first-order filter."""
     a = random.uniform(0.05, 0.95)
     yield (a,), np.sqrt((1 - a) / (1 + a))
 
@@ -60,7 +60,7 @@ def pi_increment(random: np.random.Generator) -> Iterator[Case]:
     yield (e, before, kp, ti, h), kp * (e - before) + kp * h / ti * e
 
 
-# The usual mistakes of each task with their results and a hint.
+# For each task, a function with the usual mistake, and a hint.
 SLIPS: dict[str, tuple[Callable[..., Any], str]] = {
     "second_difference": (
         lambda new, middle, old, h: (new - 2 * middle + old) / h,
@@ -83,7 +83,7 @@ SLIPS: dict[str, tuple[Callable[..., Any], str]] = {
             min(max(integral + gain * e, -1), 1),
             integral + 0.1 * e,
         ),
-        "u is right, but the integral goes on while u is at a limit. It should stay there.",
+        "u is right, but the integral still changes while u is at a limit. Keep it constant then.",
     ),
     "pi_increment": (
         lambda e, before, kp, ti, h: kp * (e - before) + h / ti * e,
@@ -104,7 +104,7 @@ TASKS = {
 
 
 def same(found: Any, expected: Any) -> bool:
-    """Return whether an answer has the shape of the expected one and its numbers to nine digits."""
+    """Return True if two results have the same shape and agree to nine digits."""
     try:
         found, expected = (
             np.asarray(found, dtype=float),
@@ -118,7 +118,7 @@ def same(found: Any, expected: Any) -> bool:
 
 
 def shown(value: Any) -> str:
-    """Return numbers with four digits."""
+    """Format numbers with four digits."""
     if isinstance(value, tuple | list | np.ndarray):
         return "(" + ", ".join(shown(each) for each in value) + ")"
     return f"{value:.4g}" if isinstance(value, int | float | np.number) else repr(value)
@@ -166,5 +166,5 @@ def judge(answer: Callable[..., Any]) -> None:
             for key, each in zip(signature(answer).parameters, arguments, strict=False)
         )
         print(
-            f"Not yet. For {given} it should return {shown(right)}, yours {shown(wrong)}."
+            f"Not yet. For {given} it should return {shown(right)}, but it returns {shown(wrong)}."
         )

@@ -30,7 +30,7 @@ noise = np.array([pidalab.uniform_noise(t, 0.1, seed) for seed in range(20)])
 
 
 def designs(book):
-    """Return model, controller with exact and with printed gain, and filter of each loop."""
+    """Return models, controllers with exact gain, controllers with printed gain, and filters, by loop."""
     model, exact, used, F = {}, {}, {}, {}
     for case in cases:
         ex, kind, _ = case.split(".")
@@ -129,7 +129,7 @@ def read_own_model(ratio, alpha):
 
 
 def with_peak(loop, top, t):
-    """Return a step response. If u exceeds `top`, a prefilter 1/(T s + 1)² limits it."""
+    """Return a step response. If u exceeds `top`, a prefilter 1/(T s + 1)² limits u."""
 
     def run(T):
         blocks = loop.process, loop.controller, loop.output_filter
@@ -156,7 +156,7 @@ def noise_gain(loop):
 
 
 def at_noise(process, controller, ms, order, gain):
-    """Return the loop of `at_ms` with this noise gain, or None if every filter time gives less."""
+    """Return the loop of `at_ms` with this noise gain, or None if the noise gain is always lower."""
 
     def excess(log_time):
         loop = at_ms(process, controller, ms, order, np.exp(log_time))

@@ -124,7 +124,7 @@ def live_actuator():
 
 
 def ms_map(rule, dampings, ratios):
-    """Return Ms of a rule on models with gain and time constant 1, infinite for unstable loops."""
+    """Return Ms of a rule on models with gain and time constant 1. Ms is infinite for unstable loops."""
     rows = {}
     for xi, r in product(dampings.tolist(), ratios.tolist()):
         model = unit(xi, r)
@@ -174,7 +174,7 @@ def measures(model, controller, test):
     run = TESTS[test](loop, np.linspace(0, 80, samples))
     over = math.nan
     if test == "setpoint":
-        with warnings.catch_warnings():  # a tenth of a per cent is enough
+        with warnings.catch_warnings():  # 0.1 % of overshoot is enough
             warnings.simplefilter("ignore", RuntimeWarning)
             over = run.overshoot()
     kick = pidalab.step_response(loop, [0.0, 0.01]).u[0]

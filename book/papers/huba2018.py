@@ -1,7 +1,7 @@
 """Orders, plants and a simulated thermal plant for the pages on huba2018.
 
-The records of the thermal plant of sec. V are not published. The twin has an assumed structure. Identified like the
-paper's plant, it gives the printed model (17).
+The records of the thermal plant of sec. V are not published. A simulated twin has an assumed structure. Identified
+like the paper's plant, it gives the printed model (17).
 """
 
 from itertools import product
@@ -52,9 +52,9 @@ def thermal_plant(
 ):
     """Return a twin of the thermal plant: from lamp power in % to K above ambient; times in s.
 
-    The lamp w is u after the dead time `delay`. A body x follows it: T dx/dt = w - x, with T = `rise`
+    The lamp power w is u after the dead time `delay`. A body x follows w: T dx/dt = w - x, with T = `rise`
     where w > x, else `fall`. Output: y = K [(1 - share + share/(conduction s + 1)) x - dip w]/(T_l s + 1)^lags.
-    With K and T_l the steepest tangent to a step upwards is eq. (17).
+    K and T_l give an upward step the steepest tangent (17).
     """
 
     def plant(gain, lag):
@@ -92,7 +92,7 @@ def experiment(design, plant, anti_windup=None, hold=200.0):
 
 
 def measures(run, hold=200.0):
-    """Measure both steps. A loop outside 5 % in the last fifth of `hold` does not settle."""
+    """Measure both steps. A loop outside 5 % in the last fifth of `hold` is not settled."""
     found = {}
     for way, start in (("up", hold), ("down", 2 * hold)):
         part = run.between(start, start + hold)
@@ -119,7 +119,7 @@ def tried(designs, plant, hold=200.0):
 
 
 def drawn(runs, size=(6.4, 3.2)):
-    """Draw temperature, with the set point, above lamp power."""
+    """Draw temperature and set point above lamp power."""
     figure = plots.experiment(runs, "temperature, K", "lamp power, %", "time, s")
     figure.set_size_inches(size)
 

@@ -140,7 +140,7 @@ class Series(Controller):
 
 
 def higher(m, n, te=0.8, delay=1.0, real=False):
-    """Return the loop of PID^m of the multiple pole with Q_n and T_f = te/n. The fastest zero gives T_i.
+    """Return the loop of the multiple-pole PID^m with Q_n and T_f = te/n. The fastest zero gives T_i.
 
     If this zero is complex, its pair becomes real first, as in (26) to (29). With `real` the fastest real zero is
     taken instead.

@@ -15,7 +15,7 @@ T_S = 0.002  # sample time of Sections 3 and 4, s
 P = {
     1: pidalab.lags(4),  # (18)
     2: pidalab.lags(2, delay=0.5),  # (18)
-    # the process of Tables 3 to 5; (33) prints another one
+    # the process of Tables 3 to 5; (33) prints another process
     3: pidalab.lags(3, delay=0.5),
     4: pidalab.lags(3, delay=1.0),  # (38)
     5: pidalab.Process([6.0], np.poly([-1, -2, -3])),  # (39)

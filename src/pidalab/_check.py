@@ -82,7 +82,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
 
 
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
-    """Return a copy as an array of any shape. Raise for the kinds of data in `others`, such as text."""
+    """Return a copy as an array of any shape. Raise for the kinds of data (`dtype.kind`) in `others`, such as text."""
     if type(value) is np.ndarray and value.dtype == kind:
         return value.copy()
     _require_plain(name, value, what)

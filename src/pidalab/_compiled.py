@@ -1,9 +1,9 @@
 """Kernels: functions that exist in plain Python and as machine code, which numba compiles and stores.
 
 Importing numba takes longer than a short computation, and compiling takes up to a minute. A process therefore starts
-with the plain forms, whose results differ only by rounding. After a second in plain forms, the process uses the
-compiled code if the code of all kernels is stored. Otherwise it starts another process that compiles in the background.
-A call with large arguments waits for compiled code. Without numba every call uses the plain form.
+with the plain forms, whose results differ from compiled ones only by rounding. After a second in plain forms, the
+process switches to compiled code if all kernels are stored. Otherwise it starts another process that compiles in the
+background. A call with large arguments waits for compiled code. Without numba every call uses the plain form.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. With ``PIDALAB_COMPILE=0``, or numba's
 own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set,
@@ -31,8 +31,8 @@ import numpy as np
 LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
 KERNELS = PACKAGE / "simulation"  # folder of all kernels
-LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers
-PLAIN_SECONDS = 1.0  # time in plain forms before the first search for compiled code, and between searches
+LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers than this
+PLAIN_SECONDS = 1.0  # compiled code is sought whenever plain forms have taken this time
 RETRY_SECONDS = 600.0  # time before a second attempt to compile; each later wait is four times as long
 MOST_ATTEMPTS = 6
 
@@ -168,14 +168,14 @@ class Tier:
         return self.ready or (large and self.imports())
 
     def begin(self) -> None:
-        """Find out whether compiled code is wanted (from the environment) and possible."""
+        """Find out whether the environment allows compiled code, and whether numba is installed."""
         wish = os.environ.get("PIDALAB_COMPILE", "")
         off = wish == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
         try:
             self.allowed = not off and bool(version("numba"))
         except PackageNotFoundError:
             self.allowed = False
-            LOG.info("pidalab: numba is not installed; the same digits within rounding, slower")
+            LOG.info("pidalab: without numba, simulations are slower; results differ only by rounding")
         self.ready = self.allowed and wish == "1" and self.imports()
 
     def imports(self) -> bool:
@@ -202,7 +202,7 @@ TIER = Tier()
 
 
 def _cache_folder() -> Path | None:
-    """Return the folder that stores compiled code, or None if no such folder can be written to."""
+    """Return the folder that stores compiled code, or None if no folder is writable."""
     home = os.path.expanduser("~")  # stays "~" if the user has no home folder
     user = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or os.path.join(home, ".cache")
     chosen = os.environ.get("NUMBA_CACHE_DIR")
@@ -214,7 +214,7 @@ def _cache_folder() -> Path | None:
 
 
 def code_folder() -> Path | None:
-    """Return the folder for code of these sources, this Python, numba, machine and options, or None."""
+    """Return the folder of compiled code, or None. Its name depends on sources, Python, numba, machine and options."""
     cache = _cache_folder()
     if cache is None:
         return None
@@ -237,7 +237,7 @@ def declare_complete() -> None:
     """Record that all kernels are compiled. Raise OSError if no code was stored."""
     folder = code_folder()
     if folder is None or not any(folder.rglob("*.nbi")):
-        raise OSError(f"no compiled code of pidalab was kept in {folder or 'any folder'}")
+        raise OSError(f"no compiled code of pidalab was stored in {folder or 'any folder'}")
     (folder / "complete").touch()
     for attempt in folder.glob("attempt-*"):
         attempt.unlink(missing_ok=True)
@@ -253,10 +253,11 @@ def compile_in_background() -> None:
     state = code_folder()
     if state is None or not sys.executable:
         return
-    # On Windows the process is detached, in a new group and below normal priority. Elsewhere it lowers its priority.
+    # On Windows the process is detached, in a new group and below normal priority. Elsewhere the process lowers its own
+    # priority.
     apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
     closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    # Start in the package's folder. Keep the working directory off the path, since its files must not be imported.
+    # Start in the package's folder. Keep the working directory off the path, since files in it must not be imported.
     parent = str(PACKAGE.parent)
     script = f"import sys; sys.path.append({parent!r}); from pidalab.warm_up import main; main()"
     try:

@@ -1,4 +1,4 @@
-"""Parallel work on tasks, in this process, in threads, in other processes, or in the executor of a cluster."""
+"""Run tasks in this process, or in parallel with an executor of threads, processes or a cluster."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def require_executor(executor: object) -> None:
 def done(
     work: Callable[[Part], Result], parts: Sequence[Part], executor: Executor | None, unit: str
 ) -> list[Result]:
-    """Return the results of all tasks in order, with a progress bar in a terminal or notebook."""
+    """Return the results of all tasks in order, with a progress bar in a terminal."""
     from tqdm import tqdm
 
-    # Show no bar for tasks of less than a second, or if there is no terminal.
+    # Show no bar in the first second, or without a terminal.
     bar = {"unit": unit, "disable": None, "delay": 1.0}
     if executor is None:
         return [work(part) for part in tqdm(parts, **bar)]

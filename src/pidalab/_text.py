@@ -1,9 +1,9 @@
 """Sanitising of text from outside before it is written to files.
 
-Texts such as file names, column names and notes come from outside, and are written into the headers and titles of code,
-reports, tables and JSON. There they must not end a comment, and must not contain a quote, a tag, a formula or a line
-feed. Therefore only a few kinds of characters are kept. The result needs no escaping in C, structured text, Python,
-JSON, HTML or a cell of a table.
+File names, column names and notes come from outside, and are written into the headers and titles of code, reports,
+tables and JSON. They must not end a comment there, or contain a quote, a tag, a formula or a line feed. Therefore only
+a few kinds of characters are kept. The result needs no escaping in C, structured text, Python, JSON, HTML or a cell of
+a table.
 """
 
 from __future__ import annotations
@@ -39,8 +39,7 @@ def comment_text(text: str, longest: int) -> str:
 def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> str:
     """Return text from outside as one line that is safe in any file: letters, digits, blanks and ``.,_-+°%``.
 
-    Any sequence of other characters, line feeds included, becomes one blank. Use it for every text from outside that is
-    written to a file.
+    Any sequence of other characters, line feeds included, becomes one blank.
 
     Parameters
     ----------

@@ -18,8 +18,8 @@ from pidalab.roots import roots
 if TYPE_CHECKING:
     import control
 
-FREQUENCIES = 1000  # number of frequencies of a response, without those for the dead time
-# Largest change of the phase by the dead time, in rad: between two frequencies, and in total.
+FREQUENCIES = 1000  # number of frequencies of a response, without additional ones for the dead time
+# Largest change of the phase by the dead time, in rad, between neighbouring frequencies and over the whole grid.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
@@ -50,7 +50,7 @@ class Loop:
     Parameters
     ----------
     process : Process
-        The plant with its dead time. A python-control system is a plant without dead time.
+        The plant with its dead time. A python-control system is taken as a plant without dead time.
     controller : controller, DigitalController, control.TransferFunction or float
         A proper controller, whose input is the filtered set point minus the measurement. If the controller is digital,
         the loop has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and `is_stable` with it.
@@ -87,7 +87,7 @@ class Loop:
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
         if isinstance(process, AsymmetricPlant):
             raise TypeError(
-                "process must be linear, found an AsymmetricPlant; use its rising, and simulate_sampled with plant"
+                "process must be linear, found an AsymmetricPlant; use its .rising, and simulate_sampled(plant=...)"
             )
         if not isinstance(process, Process):
             process = Process(*_rational("process", process, Process))
@@ -152,7 +152,7 @@ class Loop:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Limits of the controller relative to the state of rest. Infinite if there are none."""
+        """Limits of the controller relative to the state of rest, infinite if there are none."""
         if self.digital is not None:
             low, high = (limit - self.digital.bias for limit in self.digital.limits)
             return low, high
@@ -160,7 +160,7 @@ class Loop:
 
     @property
     def automatic_reset(self) -> AutomaticReset | None:
-        """Automatic reset of the controller. None if its integral action is an integrator."""
+        """Automatic reset of the controller, or None."""
         return self.controller.automatic_reset() if isinstance(self.controller, Controller) else None
 
     def block(self, name: str, s: ArrayLike) -> Any:
@@ -210,12 +210,11 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            L(s).
 
         Raises
         ------
         ValueError
-            If s is so large that a block overflows.
+            On overflow.
 
         Examples
         --------
@@ -237,12 +236,11 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            S(s).
 
         Raises
         ------
         ValueError
-            If s is so large that a block overflows.
+            On overflow.
 
         Examples
         --------
@@ -265,12 +263,11 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            T(s).
 
         Raises
         ------
         ValueError
-            If s is so large that a block overflows.
+            On overflow.
 
         Examples
         --------
@@ -296,7 +293,6 @@ class Loop:
         Returns
         -------
         complex or ndarray
-            The values.
 
         Raises
         ------
@@ -333,9 +329,8 @@ class Loop:
         Parameters
         ----------
         frequencies : array_like, optional
-            Rising frequencies in rad per time unit, above 0. The default grid reaches a decade beyond the corner
-            frequencies of L on both sides, but not beyond the frequency at which the dead time has turned the phase by
-            4π.
+            Rising frequencies in rad per time unit, above 0. The default grid extends the range of corner frequencies
+            of L by a decade on both sides. It ends at the latest where the dead time has turned the phase by 4π.
 
         Returns
         -------

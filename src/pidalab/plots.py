@@ -1,6 +1,6 @@
-"""Figures, drawn by functions of responses, loops and axes.
+"""Draw figures of responses and loops.
 
-With `use_book_style`, they are also legible in grey.
+With `use_book_style`, the figures are also legible in grey.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
 LINE_POINTS = 4000  # largest number of points of a line; a vector file drops invisible points
-NOISY_POINTS = 400  # the same for a noisy line, since a vector file would keep nearly all of its points
+NOISY_POINTS = 400  # the same for a noisy line, of which a vector file would keep nearly all points
 
 
 def use_book_style() -> None:
@@ -106,8 +106,8 @@ def signal(
     until : float, optional
         End of the time axis. By default the end of the records.
     faint : mapping of str to Response, optional
-        Lines without label below the others, such as single noisy runs. Each has the colour of the response with the
-        same label.
+        Faint lines behind the others, without label, such as single noisy runs. Each has the colour of the response
+        with the same key.
 
     Raises
     ------
@@ -416,7 +416,7 @@ class _LiveFigure:
 
 
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
-    """Make a live figure of the book from controllers.
+    """Make a live figure of the book.
 
     Call the function in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers
     without JavaScript see the figure that the cell draws.
@@ -453,7 +453,7 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
     designs = [_design(name, controller) for name, controller in controllers.items()]
     if isinstance(plant, Process):
         if not more.get("conditions", {}).get("end", 0) > 0:
-            raise ValueError("conditions must have an end above 0 with a process, for the time axis")
+            raise ValueError("conditions must have an end (of the time axis) above 0 if plant is a Process")
         numbers = {"num": plant.num.tolist(), "den": plant.den.tolist(), "delay": plant.delay}
         more["plant"] = {name: _six_digits(value) for name, value in numbers.items()}
     return _LiveFigure({"plant": plant, "designs": designs, "names": list(controllers), **more})

@@ -125,7 +125,7 @@ class Process(Block):
 
     @classmethod
     def from_control(cls, sys: control.TransferFunction, delay: float = 0.0) -> Process:
-        """Take the rational part from python-control and add a dead time.
+        """Make a process from a transfer function of python-control and a dead time.
 
         Parameters
         ----------
@@ -137,7 +137,6 @@ class Process(Block):
         Returns
         -------
         Process
-            The process.
 
         Raises
         ------
@@ -196,7 +195,7 @@ class Process(Block):
         Returns
         -------
         float
-            P(0) after cancelling common factors s. For an integrating process it is infinite, with a sign.
+            P(0) after cancelling common factors s. It is plus or minus infinity for an integrating process.
 
         Examples
         --------
@@ -231,7 +230,7 @@ def quotient(num: Any, den: Any) -> Any:
 
 
 def static_gain(num: _check.Array, den: _check.Array) -> float:
-    """Return the limit of num/den as s decreases to 0, infinite with its sign for integrators."""
+    """Return the limit of num/den as s decreases to 0. With integrators it is plus or minus infinity."""
     if not num.any():
         return 0.0
     zeros, poles = (next(i for i, x in enumerate(p[::-1].tolist()) if x) for p in (num, den))
@@ -288,7 +287,7 @@ def require_no_zero_at_origin(name: str, value: Any) -> None:
 
 
 def sign_of_gain(process: Process) -> float:
-    """Return the sign that gains need for stable integral action."""
+    """Return the sign that the gains of a controller need for stable integral action."""
     return math.copysign(1.0, process.num[-1]) * math.copysign(1.0, process.den[0])
 
 
@@ -307,7 +306,6 @@ def fopdt(gain: float, lag: float, delay: float) -> Process:
     Returns
     -------
     Process
-        The model.
 
     Raises
     ------
@@ -340,7 +338,6 @@ def sopdt(gain: float, tau: float, damping: float, delay: float) -> Process:
     Returns
     -------
     Process
-        The model.
 
     Raises
     ------
@@ -373,7 +370,6 @@ def ipdt(gain: float, delay: float) -> Process:
     Returns
     -------
     Process
-        The model.
 
     Raises
     ------
@@ -406,7 +402,6 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
     Returns
     -------
     Process
-        The model.
 
     Raises
     ------
@@ -434,8 +429,8 @@ class AsymmetricPlant:
     .. math:: T(w, x)\,\dot x = w - x, \quad T = T_{rise} \text{ where } w > x, \text{ otherwise } T_{fall};
               \qquad y = G(s)\,x + D(s)\,w; \qquad w(t) = v(t - L)
 
-    where v is the input. At rest x = w, so the static gain is the same in both directions. Signals may therefore be
-    taken relative to any state of rest.
+    where v is the input and x the state of the store. At rest x = w, so the static gain is the same in both directions.
+    Signals may therefore be taken relative to any state of rest.
 
     Parameters
     ----------

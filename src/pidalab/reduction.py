@@ -141,7 +141,7 @@ def turned_phase(process: Process, w: Array) -> Array:
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""Reduce a process to a first-order model with dead time that equals it at 0 and at the ultimate frequency.
+    r"""Reduce a process to a first-order model with dead time. Both agree at 0 and at the ultimate frequency.
 
     The parameters follow from :math:`m = |G(j\omega_u)/G(0)|`:
 
@@ -202,9 +202,9 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     .. math:: g(\omega)\,(1 + a\,\omega^2 + b\,\omega^4) = 1, \qquad
               b = \tau^4, \quad a = 4\tau^2\zeta^2 - 2\tau^2.
 
-    The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. It is never negative, because the lag
-    alone turns the phase by at most :math:`\pi`. A process that is already a second-order model with dead time is
-    returned unchanged, for any damping.
+    The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. The dead time is never negative, because
+    the model without it turns the phase by at most :math:`\pi`. A process that is already a second-order model with
+    dead time is returned unchanged, for any damping.
 
     ============  ==================
     heo2023       here

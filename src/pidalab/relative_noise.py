@@ -1,8 +1,8 @@
-r"""Noise gain in units of the plant, which does not depend on the units of y, u and time.
+r"""Noise gain relative to the plant, which does not depend on the units of y, u and time.
 
 The *noise gain* of a loop is the standard deviation of u divided by that of white measurement noise, which is held for
-a sample time h. It depends on h, which is here a hundredth of the ultimate period of the plant. The *relative noise
-gain* is the noise gain divided by the ultimate gain of the plant. A proportional controller with a tenth of the
+a sample time h. The noise gain depends on h. Here h is a hundredth of the ultimate period of the plant. The *relative
+noise gain* is the noise gain divided by the ultimate gain of the plant. A proportional controller with a tenth of the
 ultimate gain has a relative noise gain near 0.1.
 """
 
@@ -31,7 +31,7 @@ class NoiseScale(NamedTuple):
     sample_time : float
         Time over which a value of the noise is held.
     gain : float
-        Gain of a controller, in units of u per unit of y, by which noise gains are divided.
+        Gain, in units of u per unit of y, by which noise gains are divided.
     """
 
     sample_time: float
@@ -46,11 +46,11 @@ class NoiseScale(NamedTuple):
 def noise_scale(process: Process) -> NoiseScale:
     r"""Return the sample time of noise and the unit of the noise gain for a plant.
 
-    At the ultimate frequency :math:`\omega_u` the phase of the plant is 180° below that at zero frequency. The period
-    is :math:`T = 2\pi/\omega_u` and the gain is :math:`1/|P(j\omega_u)|`. Some plants have no ultimate frequency, such
-    as two lags without dead time. For these, and for unstable plants, T is the sum of the time constants and the dead
-    time, and the gain is :math:`1/|P(0)|`. If such a plant has k integrators, :math:`P \to K/s^k` at low frequency, and
-    the gain is :math:`1/(|K|\,T^k)`. The time constant of a pole p is :math:`1/|p|`.
+    With the ultimate frequency :math:`\omega_u` (see `pidalab.reduction.ultimate_frequency`), the period is :math:`T =
+    2\pi/\omega_u` and the gain is :math:`1/|P(j\omega_u)|`. Some plants have no ultimate frequency, such as two lags
+    without dead time. For these, and for unstable plants, T is the sum of the time constants and the dead time, and the
+    gain is :math:`1/|P(0)|`. If such a plant has k integrators, :math:`P \to K/s^k` at low frequency, and the gain is
+    :math:`1/(|K|\,T^k)`. The time constant of a pole p is :math:`1/|p|`.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _without_ultimate_period(process: Process) -> NoiseScale:
 
 
 def relative_noise_gain(loop: Loop) -> float:
-    """Return the dimensionless noise gain of a loop in units of its plant.
+    """Return the dimensionless noise gain of a loop, relative to its plant.
 
     Parameters
     ----------

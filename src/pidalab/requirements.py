@@ -1,4 +1,4 @@
-"""Requirements of a design, which are limits of robustness and noise."""
+"""Requirements of a design: limits of robustness and noise."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ class Requirements:
     Attributes
     ----------
     ms : float
-        Largest maximum sensitivity, above 1.
+        Upper limit of the maximum sensitivity, above 1.
     mks : float, optional
-        Largest gain from measurement noise to u over all frequencies, in units of u per unit of y.
+        Upper limit of the gain from measurement noise to u at all frequencies, in units of u per unit of y.
     mt : float, optional
-        Largest maximum of \\|T\\|, above 1.
+        Upper limit of \\|T\\| at all frequencies, above 1.
     disk : float, optional
-        Smallest disk margin, between 0 and 2.
+        Lower limit of the disk margin, between 0 and 2.
     noise_gain : float, optional
-        Largest noise gain, in units of u per unit of y.
+        Upper limit of the noise gain, in units of u per unit of y.
     sample_time : float, optional
         Sample time of the noise. Give it only with `noise_gain`.
     family : tuple of Process
         Other plants, with which Ms must be at most `ms_worst`.
     ms_worst : float
-        Largest maximum sensitivity with any plant of the family, above 1.
+        Upper limit of the maximum sensitivity with each plant of the family, above 1.
 
     Raises
     ------
@@ -61,16 +61,16 @@ class Requirements:
             if getattr(self, name) is not None:
                 checked[name] = _check.real(name, getattr(self, name), above=bound)
         if self.disk is not None and checked["disk"] >= LARGEST_DISK:
-            raise ValueError(f"disk must be below {LARGEST_DISK:g}, that of no feedback, found {self.disk:g}")
+            raise ValueError(f"disk must be below {LARGEST_DISK:g} (no feedback), found {self.disk:g}")
         if self.sample_time is not None and self.noise_gain is None:
-            raise ValueError("sample_time needs noise_gain, whose sample time it is, found noise_gain=None")
+            raise ValueError("sample_time needs noise_gain as well, found noise_gain=None")
         for k, plant in enumerate(self.family):
             require_no_zero_at_origin(f"family[{k}]", plant)
         for name, value in {**checked, "family": tuple(self.family)}.items():
             object.__setattr__(self, name, value)
 
     def limits(self) -> dict[str, float]:
-        """Return the limits that apply with the process itself, by name."""
+        """Return the limits for the process itself, without the family, by name."""
         names = ("ms", "mks", "noise_gain", "mt", "disk")
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 

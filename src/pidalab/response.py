@@ -12,21 +12,21 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-# At the end of a record with overshoot, y may differ from its final value by this share of the final value.
+# A record that may end before its peak is accepted if its last y differs from the final value by at most this share.
 ARRIVED_SHARE = 0.1
 
 
 class Response(Signals):
     r"""Sampled signals of one experiment on a loop, simulated or recorded.
 
-    Between two samples, the control error is the parabola that passes through both end values and has the exact area
-    (`area`). So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
+    Between two samples, the control error is the parabola that passes through both end values and has the integral
+    given by `area`. So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
 
-    Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. A warning
-    says if too many points would be needed. For a record with a given `area`, measures of y and e are compared with
-    those from every second sample, with a warning if the relative difference exceeds 3e-3. There is no such test for
-    records with noise, for records without `area`, and for u of records that were not simulated. In these cases, a step
-    of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
+    Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. If this
+    takes too many points, a warning is issued. For a record with a given `area`, measures of y and e are compared with
+    those from every second sample. If the relative difference exceeds 3e-3, a warning is issued. There is no such test
+    for records with noise, for records without `area`, and for u of records that were not simulated. In these cases, a
+    step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Response(Signals):
         horizon : float, optional
             Upper limit, as for `ie`.
         origin : float, optional
-            Time t_0 at which the weight is zero, at most 0.
+            Time :math:`t_0` at which the weight is zero, at most 0.
 
         Returns
         -------
@@ -241,8 +241,8 @@ class Response(Signals):
         r"""Return the total variation in excess of one pulse (huba2024, eq. (24)).
 
         The excess is :math:`\sum |x_{i+1} - x_i| - |2 x_m - x_\infty - x_0|`. It is zero for a signal with two
-        monotonic intervals, such as an ideal control signal. :math:`x_m` is the value that is farthest from the mean of
-        :math:`x_0` and :math:`x_\infty`.
+        monotonic intervals, such as an ideal control signal. Here :math:`x_0 = 0` is the value at rest, and :math:`x_m`
+        the value farthest from the mean of :math:`x_0` and :math:`x_\infty`.
 
         Parameters
         ----------
@@ -352,7 +352,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # `_top` misses less than the samples do, since it uses the exact area.
+            # `_top` uses the exact area, so it misses less than the samples do.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
@@ -368,7 +368,6 @@ class Response(Signals):
         Returns
         -------
         float
-            The time.
 
         Raises
         ------
@@ -517,7 +516,7 @@ class Response(Signals):
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Return the time in which y rises from a low share to a high share of its final value.
 
-        A share that y exceeds at t = 0 counts as passed at t = 0. So the rise time is 0 if the record starts above the
+        If y starts above a share, it counts as passing this share at t = 0. So the rise time is 0 if y starts above the
         high share.
 
         Parameters
@@ -535,7 +534,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the final value is 0, the output never reaches the high share, or not ``0 < low < high < 1``.
+            If the final value is 0, if y never reaches the high share, or if the shares violate ``0 < low < high < 1``.
 
         Examples
         --------
@@ -635,8 +634,8 @@ def _missed(path: Array) -> Array:
 
     The signal may be smooth, have a corner, or jump between two samples. In each case it stays within the extrapolation
     of the two samples before the extreme or of the two samples after it. A smooth signal reaches an eighth of the
-    extrapolated change, and a corner reaches half of it on average. A quarter is returned. A step that is more than
-    three times its neighbour counts as a jump.
+    extrapolated change, and a corner half of this change on average. The function returns a quarter. A change between
+    two samples that is more than three times the neighbouring change counts as a jump.
     """
     rises = np.diff(path)
     steps = np.pad(np.abs(rises), 2)  # gives each sample two steps before and two steps after it

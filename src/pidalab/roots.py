@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 
 from pidalab._check import Array
 
-# Relative distances within which roots are tried as one multiple root.
+# Roots within these relative distances are tried as one multiple root.
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)
-# A difference of coefficients, relative to their size, counts as rounding below SAME_COEFFICIENTS * degree.
+# A difference of coefficients, relative to their size, counts as rounding if it is below SAME_COEFFICIENTS * degree.
 SAME_COEFFICIENTS = 1e-14
 ALLOWED = 1e-10  # largest difference of the coefficients, relative to their size, for accepted roots
 TRUSTED_DEGREE = 8  # up to this degree, well separated eigenvalues are accepted directly
@@ -73,8 +73,8 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree == 1:
         return np.array([-scale * scaled[1]], dtype=complex)
     size = _sizes(scaled)
-    # The second coefficient is minus the sum of the roots. If all roots are equal, it gives them without loss of
-    # digits.
+    # The second coefficient is minus the sum of the roots. If all roots are equal, this coefficient gives them without
+    # loss of digits.
     single = np.full(1, -scaled[1] / degree, dtype=complex)
     if degree > 2 and _difference(scaled, single, np.full(1, degree), size) <= SAME_COEFFICIENTS * degree:
         return np.repeat(single, degree) * scale

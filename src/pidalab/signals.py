@@ -78,14 +78,14 @@ class Signals:
         return response
 
     def _refined(self) -> Self:
-        """Return the same experiment on a finer grid. It is simulated only once."""
+        """Return the same experiment on a finer grid, which is simulated only once."""
         fields = vars(self)
         if "_next" not in fields:
             fields["_next"] = fields["_finer"]()
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return the record at every second time. Return None if `t.size` is even or small, or held signals vary."""
+        """Return every second sample as a record, or None if `t.size` is even or small, or if a held signal varies."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
@@ -114,9 +114,10 @@ class Signals:
         measure differs by at most `SAME_SHARE`. The number of successive agreements that is required depends on the
         measure:
 
-        * If the samples resolve the fastest pole, an integral needs one agreement. An extreme needs one if `missed` is
-          small. A time needs three.
-        * Otherwise an integral needs two, since two grids can agree by chance. Other measures need a finer grid.
+        * If the samples resolve the fastest pole, an integral needs one agreement. An extreme needs one agreement and a
+          small `missed`. A time needs three agreements.
+        * Otherwise an integral needs two agreements, since two grids can agree by chance. Other measures need a finer
+          grid.
 
         If the first finer grid agrees, the value of the record itself is returned.
         """
@@ -149,7 +150,7 @@ class Signals:
                 break
             try:
                 record = record._refined()
-            except ValueError:  # the engine does not accept so many times
+            except ValueError:  # the engine refuses so many samples
                 break
             other, value = value, measure(record)
             doubt = abs(other - value) / size()
@@ -327,8 +328,8 @@ class Signals:
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
         """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
-        The test begins at the first change of the signal, or at the last change of set point or load if this is later.
-        Set point and load are ignored if they change all the time. Few samples are not tested.
+        The test begins at the first change of the signal or at the last change of set point or load, whichever is
+        later. Set point and load are ignored if they change all the time. Few samples are not tested.
         """
         if not self._grows(signal, 0):
             return
@@ -340,8 +341,8 @@ class Signals:
         if self._grows(signal, start):
             late, early = self._movements(signal, start)
             raise ValueError(
-                f"{measure} needs a response that does not diverge: in the last tenth {name} moves by {late:.3g}, "
-                f"before by {early:.3g}; give a horizon, or simulate a stable loop for longer"
+                f"{measure} needs a response that does not diverge: {name} moves by {late:.3g} in the last tenth "
+                f"and by {early:.3g} before; give a horizon, or simulate a stable loop for longer"
             )
 
     def _grows(self, signal: Array, start: int) -> bool:
@@ -350,7 +351,7 @@ class Signals:
 
     @staticmethod
     def _movements(signal: Array, start: int) -> tuple[float, float]:
-        """Return the range of the last tenth of ``signal[start:]``, and the range of the rest."""
+        """Return the range of the last tenth of ``signal[start:]``, and the range of the part before."""
         moving = signal[start:]
         tenth = max(2, moving.size // 10)
         return float(np.ptp(moving[-tenth:])), float(np.ptp(moving[: moving.size - tenth + 1]))

@@ -14,7 +14,7 @@ from pidalab.roots import roots
 
 # A dead time that differs from a multiple of the sample time h by less than ALIGNED * h counts as the multiple.
 ALIGNED = 1e-9
-# Poles, in order of modulus, are split into parts where the modulus rises by more than this factor.
+# Poles are sorted by modulus. Where the modulus rises by more than this factor, a new part begins.
 APART = 10.0
 # A part with at most this number of poles is in companion form.
 FEW_STATES = 12
@@ -127,7 +127,8 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
 def _chain(poles: Any) -> Array:
     """Return the matrix of multiplication by x, modulo the polynomial of the poles.
 
-    The matrix acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... Long polynomials lose digits in powers of x.
+    The matrix acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... Polynomials of high degree would lose digits
+    in powers of x.
     """
     M = np.diag(poles.real) + np.eye(poles.size, k=-1)
     for i in np.flatnonzero(poles.imag > 0):
@@ -176,7 +177,7 @@ class Piece(NamedTuple):
     """Section of a sample interval in which a held and delayed input is constant."""
 
     time: float
-    lag_samples: int  # the input of this many samples ago acts
+    lag_samples: int  # the input from this many samples ago acts
     offset: float  # time for which this input acted before the piece begins
 
 
@@ -202,6 +203,7 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # Every time constant is shorter than the duration, so the static gain dominates. This form keeps its digits.
+        # Every time constant is shorter than the duration, so the static gain dominates. This form keeps the digits of
+        # the gain.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

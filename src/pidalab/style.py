@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 GREY = "#808080"  # for limits, set points and records
-LOOKS: dict[str, dict[str, Any]] = {  # equal to those of the lab, book/_static/lab/lab.css
+LOOKS: dict[str, dict[str, Any]] = {  # as in the lab, book/_static/lab/lab.css
     "PIDA": {"color": "#1f5fa8", "linestyle": "-"},
     "m = 3": {"color": "#2a8f5b", "linestyle": (0, (6, 1.5))},
     "m = 4": {"color": "#8a4fa3", "linestyle": (0, (1, 1.5))},
@@ -18,7 +18,7 @@ LOOKS: dict[str, dict[str, Any]] = {  # equal to those of the lab, book/_static/
     "PI": {"color": "#7a6a1c", "linestyle": (0, (4, 1.5, 1, 1.5))},
     "other": {"color": "#404040", "linestyle": (0, (8, 1.5, 1, 1.5))},
 }
-# A further design of the same kind gets the first free look in this order.
+# A further design of the same kind gets the first unused look in this order.
 OTHERS = ("m = 3", "m = 4", "other", "PID", "PI", "PIDA")
 SETTLED = {  # fixed looks of controllers and anti-windup methods that appear on several pages
     "PPM-PIDA": "m = 3",
@@ -61,7 +61,7 @@ STYLE: dict[str, Any] = {
 
 
 def kind_of(label: str) -> str | None:
-    """Return the kind of controller that a label names. "m = 2" and "PID₄²" have two derivatives."""
+    """Return the kind of controller that a label names. For example, "m = 2" and "PID₄²" name a PIDA."""
     if derivative_label := re.match(r"m = ([0-4])|PID[₀-₉]([⁰¹²³⁴])", label):
         derivatives = int(derivative_label[1] or "⁰¹²³⁴".index(derivative_label[2]))
         return ("PI", "PID", "PIDA", "m = 3", "m = 4")[derivatives]
@@ -72,7 +72,7 @@ def kind_of(label: str) -> str | None:
 class BookAxes(Axes):
     """Axes in which the label of a line determines its look. The same kind has the same look in the whole figure.
 
-    If the figure already has lines of some kind, a label that names no kind gets a free look.
+    If the figure already has such lines, a label that names no kind gets an unused look.
     """
 
     name = "rectilinear"

@@ -515,7 +515,7 @@ SHOWN = [
     (TWO, rf"\n\[{N} {N} \] \[0", lambda: [pi / 4, 3 * pi / 16]),
     (
         TWO,
-        rf"its IAE is {N}, that of PID {N}, that of PI {N}",
+        rf"the IAE is {N} with PIDA, {N} with PID and {N} with PI",
         lambda: [
             iae(standard(1.4563, 3.74526, 1.14511, 0.8491, 0.31331)),
             iae(standard(0.87905, 2.49711, 0.99221, 0, 0.12353, 2)),
@@ -546,9 +546,9 @@ SHOWN = [
         rf"an \$M_s\$ of {N}\. Order 6 has {N} and order 2 has {N}\.",
         lambda: [ms(standard(*IPDT, tf, n), integrator) for n, tf in FILTERS],
     ),
-    (FOUR, rf"are {N}, {N} and {N}\. So one order", lambda: [n * tf for n, tf in FILTERS]),
+    (FOUR, rf"are {N}, {N} and {N}\. So a filter order", lambda: [n * tf for n, tf in FILTERS]),
     *(
-        (FOUR, rf"n = {n}: {N}, by hand {N}, square root of n times it {N}", partial(humps, n))
+        (FOUR, rf"n = {n}: {N}, by hand {N}, times the square root of n {N}", partial(humps, n))
         for n in (2, 3, 4, 6, 20)
     ),
     *((FOUR, rf"\nn = {n} \| {N} \| {N}", partial(shortest_filter, n)) for n in (2, 3, 4, 6)),
@@ -673,7 +673,7 @@ SAME = [
     ),
     ((ONE, rf"PIDA 1/ki = {N}"), (SIX, rf"1/ki {N}")),
     (
-        (TWO, rf"its IAE is [\d.]+, that of PID {N}"),
+        (TWO, rf"the IAE is [\d.]+ with PIDA, {N} with PID"),
         (THREE, rf"The best PID under both limits has an IAE of {N}\."),
     ),
 ]

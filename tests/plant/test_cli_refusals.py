@@ -162,7 +162,7 @@ def unclipped(high=100.0):
         "two runs": (text(ROWS + ROWS), (), "at row 122, from 119 to 0: the file holds 2 runs"),
         "no such run": (text(ROWS + ROWS), ("--run", 3), "run must be at most 2"),
         "a word": (text(ROWS).replace("\n50,47", "\n50,open"), (), "row 52, column "),
-        "an unclipped output": (text(unclipped()), ("--model", "sopdt"), "is not what reached the plant"),
+        "an unclipped output": (text(unclipped()), ("--model", "sopdt"), "did not reach the plant"),
     }.values(),
 )
 def test_impossible_logs_are_refused_with_the_remedy(tmp_path, content, options, message):

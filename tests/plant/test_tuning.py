@@ -83,7 +83,7 @@ UNSTABLE = pidalab.Process([1.0], [1.0, -1.0], 0.2)
         (ValueError, "no stable controller of order 0", pidalab.Process([1], [1, 1, 0, 0]), {"kind": "PI"}),
         (ValueError, "too uncertain .* a smaller spread", UNSTABLE, {"kind": "PID", "spread": 0.5}),
         (TypeError, "model", 1.0, {}),
-        (TypeError, r"found Record; fit one: identification\.fit\(record\)", RECORD, {}),
+        (TypeError, r"found Record; use identification\.fit\(record\)", RECORD, {}),
     ],
 )
 def test_refusals(error, message, model, options):

@@ -1,11 +1,10 @@
 r"""Measure characteristic areas from a record, for tuning without a model (vrancic2021).
 
-The areas are those of `pidalab.areas.from_process`. The paper integrates the record repeatedly:
-:math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`. Here the areas are computed from moments of u
-and y about the time of the change, up to the time at which the record has settled. Without noise both methods give the
-same areas. Repeated integration runs to the end of the record, where noise has the largest weights. In a record of 1/(s
-+ 1)^4 that is 50 time constants long and has noise of 0.001, the error of A_5 is 50 % with repeated integration and 3 %
-with moments.
+The paper integrates the record repeatedly: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`.
+Here the areas are computed from moments of u and y about the time of the change, up to the time at which the record has
+settled. Without noise both methods give the same areas. Repeated integration runs to the end of the record, where the
+weights of the noise are largest. In a record of 1/(s + 1)^4 that is 50 time constants long and has noise of 0.001, the
+error of A_5 is 50 % with repeated integration and 3 % with moments.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from pidalab._check import Array
 
 PIECES = 16  # a steady state is divided into this number of pieces, and their means are compared
 LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of the tested transients, in lengths of a piece
-SHORTEST = 0.05  # least length of a steady state, relative to the record
+SHORTEST = 0.05  # least length of a steady state, relative to the record after the first move of u
 SHORTER = 0.9  # length of each tried steady state / length of the previous one
 DRIFT = 2.5  # a transient of up to this number of standard deviations counts as noise
 FADE = 5.0  # like DRIFT, but for the squares of the record, which scatter more
@@ -78,7 +77,7 @@ class MeasuredAreas:
 
     @property
     def uncertainty(self) -> Array:
-        """Standard uncertainty of each area, shape (count,), in its own unit."""
+        """Standard uncertainty of each area, shape (count,), in the unit of the area."""
         return np.sqrt(np.diag(self.covariance))
 
 
@@ -91,8 +90,8 @@ def from_record(
 ) -> MeasuredAreas:
     r"""Compute the areas from a measured change between two steady states. The input may have any shape in between.
 
-    Let :math:`\tau` be the time since the first move of the input, :math:`\Delta y` the whole change of y, and
-    :math:`y_\infty` its final level. Then the moments
+    Let :math:`\tau` be the time since the first move of the input, :math:`\tau_1` its value when the integration ends,
+    :math:`\Delta y` the whole change of y, and :math:`y_\infty` the final level of y. Then the moments
 
     .. math:: a_0 = \Delta y, \qquad
               a_k = \int_0^{\tau_1} \frac{\tau^{k-1}}{(k-1)!} \left(y_\infty - y(\tau)\right) d\tau
@@ -105,7 +104,7 @@ def from_record(
     t : array_like, shape (n,), or Record
         Uniform times from 0. A `pidalab.Record` replaces t, u and y.
     u, y : array_like, shape (n,), optional
-        Input, held from each sample to the next, and output. Both must rest at the beginning (unless `start` is given)
+        Input (held from each sample to the next) and output. Both must rest at the beginning (unless `start` is given)
         and at the end.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.
@@ -116,7 +115,6 @@ def from_record(
     Returns
     -------
     MeasuredAreas
-        The areas and their uncertainty.
 
     Raises
     ------
@@ -131,21 +129,21 @@ def from_record(
 
     Notes
     -----
-    Sampling with step h causes only one error that matters: if the slope of y jumps by y', as with a single lag, the
+    Sampling with step h causes only one error that matters. If the slope of y jumps by y', as with a single lag, the
     error of A_1 is about h² y'/12.
 
     The end of the record counts as a steady state if none of five decaying exponentials, with time constants of 1/32 to
-    1/2 of the length of this end, is found in it. An exponential is found if its component exceeds 2.5 standard
-    deviations in the means of sixteen pieces, or 5 in the means of the squares, which show decaying oscillations. Noise
-    hides smaller transients, which would make all areas too small. Therefore the time from the first move of the input
-    to the steady state is made a tenth longer. The final levels are means of the steady state, and the integrals end at
-    its start.
+    1/2 of its length, is found in it. The end is divided into sixteen pieces. An exponential is found if its component
+    in the means of the pieces exceeds 2.5 standard deviations. A decaying oscillation appears in the means of the
+    squares, where the limit is 5 standard deviations. Noise hides smaller transients, which would make all areas too
+    small. Therefore the time from the first move of the input to the steady state is made a tenth longer. The final
+    levels are means of the steady state, and the integrals end where it begins.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
-    :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of this tail follows from the
-    largest difference between the mean of a quarter of the steady state and the mean of the whole. The noise may be
-    coloured if its correlation time is below a sixteenth of the steady state. For a record that ends before it has
-    settled, the estimated uncertainty is large but still too small. Load disturbances and outliers are not detected.
+    :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of the tail follows from the
+    largest difference between the mean of a quarter of the steady state and the mean of all of it. The noise may be
+    coloured if its correlation time is below a sixteenth of the steady state. If the record ends before it has settled,
+    the estimated uncertainty is large but still too small. Load disturbances and outliers are not detected.
 
     References
     ----------
@@ -194,7 +192,7 @@ def _signals(t: Any, u: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, A
     """Check times, input and output. A Record provides them on a uniform grid."""
     if is_record(t):
         if u is not None or y is not None:
-            raise TypeError("u and y must be left out with a Record: it has its own")
+            raise TypeError("u and y must be left out with a Record, which contains them")
         t, u, y = t.uniform()
     elif u is None or y is None:
         raise TypeError("u and y must be given, unless t is a Record")
@@ -220,7 +218,7 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
     """Return the sample at which the steady state begins, and True if no transient is found after this sample."""
     length, least = t.size - first - 1, max(PIECES, math.ceil(SHORTEST * (t.size - first)))
     if length < least:
-        raise ValueError(f"y must have more than {PIECES} samples after the first move of u, found {length}")
+        raise ValueError(f"y must have at least {PIECES} samples after u first moves, found {length}")
     drifts = {}
     while length >= least:
         last = t.size - length
@@ -232,7 +230,7 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
 
 
 def _pieces(x: Array) -> tuple[Array, float]:
-    """Return the means of the pieces minus the last sample, and the standard deviation of a mean due to noise."""
+    """Return the means of the pieces relative to the last sample, and the standard deviation of a mean due to noise."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
     return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # for Gaussian noise
@@ -357,7 +355,7 @@ def _warn(areas: MeasuredAreas) -> None:
         cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
         f"the record makes areas uncertain, {listed} ({cause}); use only the areas before A_{bad[0]}; a controller of "
-        "order m needs 2m + 4",
+        "order m needs 2m + 4 areas",
         RecordWarning,
         stacklevel=3,
     )

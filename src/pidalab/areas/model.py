@@ -61,7 +61,7 @@ def exact(process: Process, count: int) -> list[Fraction]:
     Parameters
     ----------
     process : Process
-        Stable process. A common factor s is cancelled.
+        As for `from_process`.
     count : int
         Number of areas, at least 1.
 
@@ -100,7 +100,6 @@ def with_filter(areas: ArrayLike, block: Any) -> Array:
     Returns
     -------
     ndarray, shape (count,)
-        Areas of both in series.
 
     Raises
     ------
@@ -134,7 +133,6 @@ def with_binomial_filter(areas: ArrayLike, filter_time: float, filter_order: int
     Returns
     -------
     ndarray, shape (count,)
-        Areas of both in series.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Power series about s = 0 with exact rational coefficients.
 
-The list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``, so the series of lags and dead times have
+The list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``. With this sign, lags and dead times have
 positive coefficients.
 """
 
@@ -58,7 +58,7 @@ def dead_time(delay: float, count: int) -> list[Fraction]:
 
 
 def lagged(series: Sequence[Fraction], lag: float, order: int) -> list[Fraction]:
-    """Divide a series by (lag s + 1)^order (vrancic2021, eq. (8), applied once for each order)."""
+    """Divide a series by (lag s + 1)^order (eq. (8) of vrancic2021, applied `order` times)."""
     result = list(series)
     for _ in range(order):
         for k in range(1, len(result)):

@@ -109,8 +109,8 @@ def compare(
         Largest noise gain, in units of u per unit of y, for the optima and the magnitude optimum. By default 1.5 times
         the ``gain`` of `pidalab.noise_scale`.
     sample_time : float, optional
-        Sample time of the noise, above 0. By default that of `pidalab.noise_scale`. The relative noise gain in the
-        table does not depend on it.
+        Sample time of the noise, above 0. By default the ``sample_time`` of `pidalab.noise_scale`. It does not affect
+        the relative noise gain in the table.
     rules : iterable of str, optional
         Names from `pidalab.rules.registry`, or "optimal". By default the optima and all rules except improved simc and
         those of Chien, Hrones and Reswick.
@@ -118,12 +118,12 @@ def compare(
     Returns
     -------
     Comparison
-        The measured designs. If a rule does not apply, its row contains the error message.
+        If a rule does not apply, its row contains the error message.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not a process, or a limit is out of range.
+        If `process` is not a process, or a limit is out of range.
 
     Examples
     --------
@@ -146,7 +146,7 @@ def compare(
 def designs(
     process: Process, requirements: Requirements, rules: Iterable[str] | None = None
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
-    """Yield name, kind and a function that makes the design, for every rule and then for the optima.
+    """Yield the designs of every rule, and then the optima.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ def judge(
     Parameters
     ----------
     rule, kind : str
-        Names of the rows. An empty kind is replaced by the kind of the design.
+        Name of the rule and kind of controller, for the rows. If the kind is empty, that of the design is used.
     make : callable
         Function that returns the design, or raises ValueError if the rule does not apply.
     process : Process
@@ -152,10 +152,10 @@ class Benchmark:
     name : str
         Name of the rule.
     rows : pandas.DataFrame
-        A row for each plant and terms, in units of the plant's ultimate gain and period. The terms are ``own`` (as
-        published), and ``loud`` and ``quiet`` (scaled to equal Ms and to a noise limit). A row has the measures, IAE /
-        (least IAE of its kind) as ``of_kind``, IAE / (least IAE of all kinds) as ``of_best``, and the reason of a
-        refusal.
+        A row for each plant and each of three ``terms``: ``own`` (the rule as published), ``loud`` and ``quiet``
+        (scaled to equal Ms and to a noise limit). Measures are in units of the plant's ultimate gain and period.
+        ``of_kind`` is IAE / (least IAE of the kind), ``of_best`` is IAE / (least IAE of all kinds), and ``reason`` is
+        the reason of a refusal.
     """
 
     name: str
@@ -173,8 +173,8 @@ class Benchmark:
         -------
         pandas.DataFrame
             A row for each rule and kind with the number of plants. "of its kind" is the median of IAE / (least IAE of
-            the kind). "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that the
-            second ratio exceeds on a tenth of the plants.
+            the kind). "of all" is the median of IAE / (least IAE of all kinds). On a tenth of the plants, IAE / (least
+            IAE of all kinds) exceeds "worst tenth".
 
         Raises
         ------
@@ -244,7 +244,7 @@ class Benchmark:
     def __str__(self) -> str:
         plants = self.rows["plant"].nunique()
         lines = [
-            f"{self.name}: {plants} plants, Ms = {EQUAL_MS:g}; IAE of a load step over the least there is",
+            f"{self.name}: {plants} plants, Ms = {EQUAL_MS:g}; IAE of a load step / least IAE",
             "as published:",
             self.as_published().round(2).to_string(),
             f"at equal Ms and a relative noise gain of {NOISE['loud']:g}:",
@@ -300,7 +300,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw the IAE of each rule on the plants, for the kinds of this rule, and mark this rule.
+        """Draw the IAE of all rules for the kinds of controller of this rule, and highlight this rule.
 
         Parameters
         ----------
@@ -310,7 +310,7 @@ class Benchmark:
         Returns
         -------
         matplotlib.figure.Figure
-            One panel with the median, and the range from the first to the ninth decile of the plants.
+            One panel with the median over the plants, and the range from the first to the ninth decile.
 
         Examples
         --------
@@ -335,9 +335,7 @@ class Benchmark:
         # A dollar sign in a name must not start a formula.
         labels = [f"{rule} {kind}".replace("$", r"\$") for rule, kind in tenths.index]
         axes.set_yticks(range(len(tenths)), labels)
-        axes.set(
-            xscale="log", xlabel="IAE of a load step over the least there is; a tenth, median, nine tenths"
-        )
+        axes.set(xscale="log", xlabel="IAE of a load step / least IAE: deciles 1 and 9, and median")
         axes.grid(axis="x", which="both", alpha=0.3)
         return figure
 
@@ -379,8 +377,8 @@ def benchmark(
     plants : iterable of str, optional
         Names of plants. By default all 134.
     executor : concurrent.futures.Executor, optional
-        Pool of processes or cluster, where the rule must be importable. By default the current process computes, which
-        takes about a minute.
+        Pool of processes or cluster. Its workers must be able to import the rule. By default the current process
+        computes, in about a minute.
 
     Returns
     -------

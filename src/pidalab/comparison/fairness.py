@@ -21,7 +21,7 @@ from pidalab.rules.models import time_scale
 LONGEST_FILTER = 1e4  # longest tried filter, in sample times
 LEAST_SCALE = 0.01  # smallest factor of the gains; with smaller gains a controller has no effect
 TIME_RTOL = 1e-7  # relative accuracy of the filter time
-DENSITY = 4  # this multiple of the usual number of frequencies gives six digits of the noise
+DENSITY = 4  # multiple of the usual number of frequencies, for six digits of the noise gain
 
 
 def at_equal_terms(
@@ -56,8 +56,8 @@ def at_equal_terms(
     Raises
     ------
     TypeError, ValueError
-        If an argument is out of range, if no gain above a hundredth of the rule's gives a stable loop with this Ms, or
-        if no filter gives this noise.
+        If an argument is out of range, if no gain above a hundredth of the rule's gain gives a stable loop with this
+        Ms, or if no filter keeps the noise gain.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def at_equal_terms(
         time = shortest * math.exp(log_time)
         factor = gain_for_ms(Loop(process, _filtered(gains, time)), limit)
         if factor < LEAST_SCALE:
-            raise ValueError(f"ms = {limit:g} needs gains times {factor:.2g}, below {LEAST_SCALE:g}")
+            raise ValueError(f"ms = {limit:g} needs gains scaled by {factor:.2g}, below {LEAST_SCALE:g}")
         return noise_of(factor * gains, time), factor, _filtered(factor * gains, time)
 
     noise, factor, controller = _quiet_enough(scaled, most)
@@ -129,5 +129,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
-    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So take the quiet side.
+    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So return the quiet side.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

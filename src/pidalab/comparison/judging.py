@@ -45,8 +45,8 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        `ms_worst` is the largest Ms with any of the other plants on which the design is tested (Ms of the digital loop
-        if there is one). `iae_worst` is the IAE with the plant of `ms_worst`.
+        `ms_worst` is the largest Ms on the other plants with which the design is tested (Ms of the digital loop if
+        there is one). `iae_worst` is the IAE with the plant of `ms_worst`.
     price : float
         IAE, divided by the IAE of a design for which `ms_worst` is not limited.
     ms_sampled : float
@@ -113,7 +113,6 @@ def measure_row(
     Returns
     -------
     DesignRow
-        The measures. `reason` says which measures are missing.
 
     Examples
     --------

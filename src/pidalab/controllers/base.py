@@ -104,7 +104,7 @@ class Controller(Block):
         Returns
         -------
         num, den : ndarray
-            In descending powers of s. Factors of absent actions are cancelled.
+            In descending powers of s. A common factor s, which occurs without integral action, is cancelled.
 
         Raises
         ------
@@ -190,7 +190,7 @@ class Controller(Block):
         method : {"backward", "tustin", "zoh"}, optional
             As in `pidalab.digital.discretise`.
         output_filter : OutputFilter or control.TransferFunction, optional
-            As in `pidalab.digital.discretise`. `Design.discretise` passes the output filter of the design.
+            As in `pidalab.digital.discretise`.
         **options : optional
             As in `pidalab.digital.discretise`. The default limits are the ``limits`` of the controller plus `bias`. The
             default anti-windup of a controller with derivatives but without proportional action is "clamping".

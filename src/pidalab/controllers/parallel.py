@@ -230,7 +230,7 @@ class HighOrderPID(Controller):
         time = _check.real("filter_time", filter_time, at_least=0.0)
         if bool(time) != bool(order):
             raise ValueError(
-                f"filter_time must be above 0 with filter_order, and 0 without, found {filter_time!r}"
+                f"filter_time must be 0 if filter_order is 0, and above 0 otherwise, found {filter_time!r}"
             )
         vars(self).update(coefficients=tuple(coefficients.tolist()), filter_time=time, filter_order=order)
 

@@ -33,7 +33,7 @@ class SeriesPIDA(Controller):
     filter_time : float
         Time constant of the filter, above 0.
     filter_order : int
-        Order of the filter, at least that of the highest derivative.
+        Order of the filter, not below the order of the highest derivative.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 

@@ -1,4 +1,4 @@
-"""Digital controllers: difference equations that run, act in simulated loops, and are written as code.
+"""Digital controllers: difference equations that run in Python, control simulated loops, and are written as code.
 
 ``controller.discretise`` creates them. This package does not depend on the classes of continuous controllers.
 `from_json` and the methods that write code import `pidalab.plant.code` when they are called.

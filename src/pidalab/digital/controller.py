@@ -34,9 +34,8 @@ class DigitalController(Parameters):
     in place of :math:`\varepsilon_k`, and :math:`u_{k-1} - \mathrm{bias} - i_{k-1}` (less any feedforward) in place of
     :math:`\varepsilon_{k-1}`.
 
-    The first call of ``step`` starts without a bump. It returns `bias`, or bias + p if there is no integral action. In
-    manual mode the control signal is the given value, and the integral tracks it. ``step`` stores its states in the
-    object; simulations do not change them.
+    In manual mode the control signal is the given value, and the integral tracks this value. ``step`` stores its states
+    in the object; simulations do not change these states.
 
     Parameters
     ----------
@@ -110,9 +109,9 @@ class DigitalController(Parameters):
         ==========================  ==============================================================================
         PART_1_WEIGHT               set-point weight of the first of `paths`
         PART_1_NEW, PART_1_OLD      coefficients of the present and the previous input in each of its lags
-                                    (PART_1_NEW_2 in the second one, if lags differ)
-        PART_1_GAIN_k               gain on the k-th difference of that path
-        INTEGRAL_NEW, INTEGRAL_OLD  growth of the integral with the present and the previous error
+                                    (PART_1_NEW_2 in the second lag, if the lags differ)
+        PART_1_GAIN_k               gain on the k-th difference of this path
+        INTEGRAL_NEW, INTEGRAL_OLD  gains from the present and the previous error to the integral
         BACK_CALCULATION_GAIN       gain from (limited - unlimited control signal) to the integral
         TRACKING_GAIN               gain from (tracked signal - u) to the integral
         BIAS, Y_OFFSET              working point
@@ -248,8 +247,8 @@ class DigitalController(Parameters):
         `pidalab.simulate_sampled` does, call ``reset(r=y_offset, y=y_offset)`` first.
 
         A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped, and ``fault`` is True. Filters
-        and integral keep their values, and so does the control signal unless a valid `manual` sets it. The next valid
-        sample continues from these values.
+        and integral keep their values. A valid `manual` still sets the control signal, which otherwise also keeps its
+        value. The next valid sample continues from these values.
 
         Parameters
         ----------
@@ -259,10 +258,10 @@ class DigitalController(Parameters):
             Control signal in manual mode. By default the mode is automatic.
         track : float, optional
             Signal that has acted on the plant since the last sample, if it differs from the returned signal: the output
-            of a selector, an operator's command or the position of the actuator. In the first call, the controller
-            starts from this signal instead of `bias`.
+            of a selector, an operator's command or the position of the actuator. In the first call, a controller with
+            integral action starts from this signal instead of `bias`.
         feedforward : float, optional
-            Signal to add. Only for a controller that was discretised with ``feedforward=True``.
+            Signal to add to the control signal. Only for a controller that was discretised with ``feedforward=True``.
 
         Returns
         -------
@@ -289,7 +288,7 @@ class DigitalController(Parameters):
         further: list[float] = [_signal("feedforward", feedforward)] * self.feedforward
         if feedforward and not self.feedforward:
             raise ValueError(
-                f"feedforward must be 0 unless discretised with feedforward=True, found {feedforward!r}"
+                f"feedforward needs a controller discretised with feedforward=True, found {feedforward!r}"
             )
         further += [self.__dict__.pop("_retuned", False)] * self.tunable
         return self._run(self._states, r, y, *acts[0], *acts[1], *further)
@@ -319,7 +318,7 @@ class DigitalController(Parameters):
     def transfer_function(self) -> control.TransferFunction:
         """Return the transfer function from the error to the control signal, with b = c = 1 and without limits.
 
-        For any weights and any prefilter, its negative is the transfer function from the measurement to u.
+        For any weights and prefilter, the negative of this function is the transfer function from the measurement to u.
 
         Returns
         -------
@@ -353,8 +352,9 @@ class DigitalController(Parameters):
         precision : {"double", "single"}, optional
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
-            Lines of the comment at the top: ``margins`` of the loop, text ``note``, ``time_unit`` of the sample time,
-            ``record`` and its ``date``. Only letters, digits and usual punctuation marks of the texts are kept.
+            Entries of the comment at the top: ``margins`` of the loop, a text as ``note``, the ``time_unit`` of the
+            sample time, the ``record`` of the plant and its ``date``. Only letters, digits and usual punctuation marks
+            of the texts are kept.
 
         Returns
         -------
@@ -468,7 +468,7 @@ class DigitalController(Parameters):
         usual |= {"anti_windup": "reset", **dict.fromkeys(("deadband", "bias", "y_offset"), 0.0)}
         usual |= {"prefilter": None, "feedforward": False, "tunable": False}
         extras = "".join(f", {name}={now[name]!r}" for name, value in usual.items() if now[name] != value)
-        # The source may come from a file, so text that does not fit on one line is quoted.
+        # The source may come from a file, so text with unprintable characters, such as line breaks, is quoted.
         source = self.source if self.source.isprintable() else repr(self.source)
         return f"{source or 'controller'}.discretise({self.sample_time:.10g}, {self.method!r}{extras})"
 

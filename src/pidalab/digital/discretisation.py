@@ -55,16 +55,17 @@ def discretise(
     reset               For a `SeriesPIDA` with b = c = 1, the integral is the limited signal, filtered by a lag of time
                         constant :math:`t_i` (huba2024, Fig. 1, eqs. (3), (8)). For other controllers,
                         back-calculation is used with the integral time as tracking time.
-    back-calculation    The integral is reduced by :math:`h/(T_t + h)` times the part that the limit cuts off.
+    back-calculation    The integral is reduced by :math:`h/(T_t + h)` times the excess of the signal over the limit.
                         :math:`T_t` is the tracking time.
-    clamping            The integral grows up to the limit, and keeps its value while it would drive the signal beyond.
+    clamping            The integral grows until the signal reaches the limit. It stops while growth would drive the
+                        signal beyond the limit.
     None                The integral continues.
     ==================  ==============================================================================================
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
     without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave it
-    late. *Back-calculation* with a short `tracking_time` leaves a limit early. With each of these three methods the
-    controller always leaves the limit. Use None only for actuators without limits.
+    late. *Back-calculation* with a short `tracking_time` leaves a limit early. With all three, the controller always
+    leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def discretise(
     Returns
     -------
     DigitalController
-        A controller that starts at its first measurement.
+        A controller that has not run yet.
 
     Raises
     ------
@@ -157,10 +158,10 @@ def discretise(
         chains = filter_chains(parts, behind, h, method, b, c)
         if not ki and not any(path.weight for path in chains):
             raise ValueError(
-                f"b = {b:g} with c = {c:g} leaves the set point no effect without integral action"
+                f"the set point has no effect with b = {b:g} and c = {c:g} without integral action"
             )
         if tunable and not ki:
-            raise ValueError("tunable must be False without integral action, which absorbs the bump")
+            raise ValueError("tunable needs integral action, which absorbs the bump of a change of gains")
         growth = (ki * h * METHOD_WEIGHTS[method][0], ki * h * METHOD_WEIGHTS[method][1])
         taken_back = _back_calculation_gain(parts, h, anti_windup, tracking_time) if ki else 0.0
         tracking_gain = taken_back or 1.0
@@ -190,7 +191,6 @@ def discretise(
 
 
 def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
-    """Warn if the sample time exceeds the integral time, or the derivative time of a controller without integral."""
     ki, kp, kd = (sum(part.gains[k] for part in parts if len(part.gains) > k) for k in range(3))
     what, above, below = ("integral time kp/ki", kp, ki) if ki else ("derivative time kd/kp", kd, kp)
     time = abs(above / below) if below else 0.0
@@ -202,7 +202,7 @@ def _warn_of_long_samples(parts: tuple[FilteredGains, ...], h: float) -> None:
 
 
 def equal_lags(output_filter: Any) -> tuple[float, int]:
-    """Return time constant and order of an output filter. Raise an error unless it consists of equal lags of gain 1."""
+    """Return time constant and order of an output filter, which must consist of equal lags of gain 1."""
     num, den = rational("output_filter", 1.0 if output_filter is None else output_filter)
     order = den.size - 1
     time = float(den[-2] / den[-1]) / order if order and den[-1] else 0.0

@@ -10,8 +10,8 @@ of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference that ends at the last state. Lags with different time constants also form one chain. A
-derivative then also needs gains on lower differences. These formulas apply to the methods *backward* and *tustin*,
+which is the j-th difference that ends at the last state. Lags with different time constants also form one chain, in
+which a derivative needs gains on lower differences, too. These formulas apply to the methods *backward* and *tustin*,
 which substitute an expression for s. The method *zoh*, which is exact for a held input, uses other gains.
 
 =========  =======================  =====================  =======================================
@@ -92,7 +92,7 @@ class FilterChain(NamedTuple):
         states: list[Any] = [np.ones_like(z)]
         for new, old in zip(self.new, self.old, strict=True):
             states.append(states[-1] * (new * z + old) / (z - 1 + new + old))
-        # The first differences use 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1), which does not cancel near z = 1.
+        # The first differences use 1 - q = (1 - g_0)(z - 1)/(z - 1 + g_0 + g_1), which loses no digits near z = 1.
         level: list[Any] = [
             x * (1 - new) * (z - 1) / (z - 1 + new + old)
             for x, new, old in zip(states, self.new, self.old, strict=False)
@@ -185,7 +185,7 @@ def _by_weight(
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # If the weights differ, the filtered integral needs a chain of lags of its own, which corrects the pure integral.
+    # If the weights differ, the filtered integral needs a separate chain of lags, which corrects the pure integral.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
@@ -290,7 +290,7 @@ class Prefilter(NamedTuple):
     move : tuple of tuple of float
         M, row by row.
     out : tuple of float
-        Gains on (state - set point). The set point plus the sum of these products is the output.
+        Gains on (state - set point). The output is the set point plus the sum of these products.
     """
 
     num: tuple[float, ...]

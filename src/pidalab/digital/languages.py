@@ -1,6 +1,6 @@
 """Print the statements of a step in a language, and compile the Python form for use in this process.
 
-The other languages, and the complete files with a step, are in `pidalab.plant.code`.
+The other languages, and the files that contain a step, are in `pidalab.plant.code`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ DEFAULTS |= {"feedforward": 0.0, "retuned": False}
 class Language(NamedTuple):
     """Formats of a language for statements and names. ``name`` in a format stands for the name of the controller."""
 
-    # formats of a note, an assignment, a condition, its other branch, and the end of a condition
+    # formats of a note, an assignment, `if`, `else`, and the end of an `if`
     statements: tuple[str, ...]
     words: Mapping[str, str]  # words of program expressions that are written differently in the language
     number: Callable[[float], str]
@@ -38,7 +38,7 @@ PYTHON = Language(
 
 
 def function(program: Program) -> Callable[..., float]:
-    """Return the step as a function of the inputs and of an object with the states, which it changes.
+    """Return the step as a function of an object with the states, which the function changes, and of the inputs.
 
     The executed text contains nothing from a file or a user. All names come from `program`, and constants are passed as
     values instead of text.

@@ -18,7 +18,7 @@ LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
 LARGEST_PARAMETER = 1e9  # largest magnitude of a gain, if the gains may change while the controller runs
 LARGEST_CONSTANT = 1e15  # with signals up to 1e9, larger constants could overflow in single precision
 MOST_PATHS, MOST_PATH_LAGS = 40, 40  # with more paths, or more lags in a path, the code would be unreadable
-MOST_CODE_LAGS = 160  # most lags in all paths together; the code of a path grows with the square of its lags
+MOST_CODE_LAGS = 160  # most lags in all paths together; code grows with the square of the lags in a path
 SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 by this rounding error
 
 
@@ -80,7 +80,7 @@ class Parameters:
         shares += [("lags", pair) for path in self.paths for pair in zip(path.new, path.old, strict=True)]
         for what, (now, before) in shares:
             if (now and not new) or (before and not old) or (new == old and now != before):
-                raise ValueError(f"{what} must be weights of method {self.method!r}, found {(now, before)}")
+                raise ValueError(f"{what} must fit method {self.method!r}, found {(now, before)}")
         if self.tunable:
             largest = max([*map(abs, self.growth), *(abs(g) for p in self.paths for g in p.gains)])
             if largest > LARGEST_PARAMETER:
@@ -122,7 +122,6 @@ def _numbers(k: Parameters) -> dict[str, Any]:
 
 
 def _path(name: str, path: Any) -> FilterChain:
-    """Check a path."""
     if not isinstance(path, FilterChain):
         raise TypeError(f"{name} must be a FilterChain, found {type(path).__name__}")
     plain = isinstance(path.name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", path.name)
@@ -139,7 +138,7 @@ def _path(name: str, path: Any) -> FilterChain:
         raise ValueError(f"{name} needs one more gain than lags, found {len(gains)} gains, {len(new)} lags")
     for pair in zip(new, old, strict=True):
         if not (min(pair) >= 0.0 and 0.0 < sum(pair) <= 1.0 + SHARE_ROUNDING):
-            raise ValueError(f"{name} must have shares of lags from 0 to 1, found {pair}")
+            raise ValueError(f"{name} must have coefficients of lags from 0 to 1, found {pair}")
     return FilterChain(path.name, _constant(f"{name}.weight", path.weight), new, old, gains)
 
 

@@ -1,12 +1,12 @@
-"""Describe the step of a digital controller as a list of statements, which depends on its actions and options.
+"""Describe the step of a digital controller as a list of statements, for its actions and options.
 
 This is the only description of the step. It is written as code in several languages, run as Python by ``step``, and
 compiled for simulations (`pidalab.simulation.operations`). The order of the statements is: checks of the inputs,
 prefilter, deadband, filter chains, tracking, integral, limits of rate and range, anti-windup.
 
 The step is defined for any input. The control signal is always a number within the limits. A sample with an input that
-is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped, and `fault` is true. Filters and integral keep their values, and
-so does the control signal unless manual mode sets it. No valid input causes an overflow.
+is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped, and `fault` is true. Filters and integral keep their values. The
+control signal also keeps its value if manual mode does not set it. No valid input causes an overflow.
 
 An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``. All names come from
 this module.
@@ -128,8 +128,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    With `block`, `summed` comes from a filter outside the program, whose input is the error. The result is cached and
-    shared, so do not change it.
+    With `block`, a filter outside the program computes `summed` from the error. The result is cached and shared, so do
+    not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}
@@ -178,7 +178,6 @@ def _number(name: str, low: str = "-LARGEST_SIGNAL", high: str = "LARGEST_SIGNAL
 
 
 def _checks(inputs: dict[str, str], gains: dict[str, float]) -> list[Statement]:
-    """Return the statements that check the inputs of a sample."""
     needed = [name for name in ("setpoint", "measurement", "feedforward") if name in inputs]
     bad = [f"not ({_number(name)})" for name in needed]
     bad.append(f"tracking and not ({_number('track_value')})")
@@ -256,8 +255,8 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     ]
     more = " or with new gains" * k.tunable
     body: list[Statement] = [
-        Note(f"in manual mode the operator sets the signal; at the first sample{more} it keeps its value"),
-        Note(f"follow is true if the last sample was skipped, in manual mode{more}"),
+        Note(f"the control signal is manual_value in manual mode, and unchanged at the first sample{more}"),
+        Note(f"follow is true after a skipped sample in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
         If("not started", [Set("forced", "true")]),
@@ -281,13 +280,13 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
             Set("carry", "added - (integral_part - grown)"),
         ]
         keep += [
-            Note("back-calculation: take back from the integral a share of the part that the limit cut off"),
+            Note("back-calculation: correct the integral in proportion to what the limit cut off"),
             If("limited < wanted or limited > wanted", correction),
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # Reduce an increment that would drive the signal beyond the limit to the remaining range. If the integral were
-    # stopped instead, it could remain locked.
+    # If an increment would drive the signal beyond the limit, reduce the increment to the remaining range. A stopped
+    # integral could remain locked.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [
@@ -295,7 +294,7 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         If("room * growth > 0.0", grown_less, again),
     ]
     return [
-        Note("clamping: shorten an increment that would drive the signal beyond the limit"),
+        Note("clamping: reduce an increment of the integral that would drive the signal beyond the limit"),
         If("(limited - wanted) * growth < 0.0", clamped, keep),
     ]
 
@@ -345,7 +344,6 @@ def _share(path: FilterChain, i: int, kind: str, j: int) -> str:
 
 
 def _path_constants(path: FilterChain, i: int) -> dict[str, float]:
-    """Return the constants of the i-th chain by name."""
     name = part_name(i).upper()
     named = {f"{name}_WEIGHT": path.weight} if path.weight not in (0.0, 1.0) else {}
     for kind, shares in (("NEW", path.new), ("OLD", path.old)):
@@ -354,7 +352,6 @@ def _path_constants(path: FilterChain, i: int) -> dict[str, float]:
 
 
 def _prefilter_constants(prefilter: Prefilter) -> dict[str, float]:
-    """Return the constants of a prefilter by name."""
     named: dict[str, float] = {}
     for i, row in enumerate(prefilter.move, start=1):
         named |= {f"PREFILTER_MOVE_{i}_{j}": x for j, x in enumerate(row, start=1) if x}
@@ -367,7 +364,6 @@ def _prefilter_states(prefilter: Prefilter) -> list[str]:
 
 
 def _prefilter_statements(prefilter: Prefilter, named: dict[str, float]) -> list[Statement]:
-    """Return the statements that filter the set point."""
     n = len(prefilter.out)
     shares = ((prefilter.new, "target"), (prefilter.old, "prefilter_0"))
     aim = " + ".join(x if value == 1.0 else f"{value!r} * {x}" for value, x in shares if value)

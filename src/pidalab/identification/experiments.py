@@ -19,12 +19,12 @@ from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)  # levels of the three-point model, as shares of the change
 OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an overshoot must be noise
-MOST_ENDS = 400  # largest number of intervals of a record to which a ramp is fitted
-# A record has settled if the mean changes by less than this share between its last two tenths.
+MOST_ENDS = 400  # a ramp is fitted to at most this number of intervals, which all begin at 0
+# A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
-NOISY = 0.01  # with more noise, relative to the whole change, single samples mislead
-# If the gain of the record exceeds the gain of the model by a larger share, Ms is clearly larger with the process than
-# with the model.
+NOISY = 0.01  # with more noise, as a share of the whole change, single samples mislead
+# If the gain of the record exceeds the gain of the model by more than this share, Ms is clearly larger with the process
+# than with the model.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -50,13 +50,13 @@ class ThreePointModel:
     apparent_delay : float
         L, apparent dead time.
     alpha : float
-        Share of L that is true dead time, between 0 and 1. The rest becomes two equal lags.
+        Share of L that is true dead time, between 0 and 1. The rest of L becomes two equal lags.
     tau : float
         Dominant time constant.
     times : tuple of float
         Times at which the record reaches the three levels.
     excess_gain : float
-        Largest relative amount by which the gain of the record exceeds that of the model, at frequencies up to 1/(αL).
+        Largest relative amount by which the gain of the record exceeds that of the model, up to the frequency 1/(αL).
         The rules place the crossover near 1/(αL). nan if unknown.
     """
 
@@ -87,8 +87,7 @@ def three_point(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0. A `Record`, which has its own output, step and
-        rest level, may be given instead.
+        Uniform times with the step of the input at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
         Output, from rest to rest. The rest value is the first sample, and the final value is the mean of the last
         tenth.
@@ -105,16 +104,14 @@ def three_point(
 
     Notes
     -----
-    `pidalab.Record` cuts a plant record at its step, and resamples it if its times are not uniform. Write ::
+    A `Record` is cut at its step and resampled on uniform times. An offset of y has no effect. The model is
+    useful if the noise is at most about 1 % of the change. For more noise use `pidalab.identification.fit`, which uses
+    all samples.
 
-        model = three_point(pidalab.Record(t, u, y))
-
-    An offset of y has no effect. The model is useful if the noise is at most about 1 % of the change. For more noise
-    use `pidalab.identification.fit`, which uses all samples.
-
-    The formulas of eq. (5) lose a dead time that is short compared with the dominant lag. With τ = 1, L = 0.25 and
-    α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %, but the controller that
-    the paper's rule gives for this model and Ms = 1.4 has Ms = 2.99 with the process. `excess_gain` shows this error.
+    The formulas of eq. (5) underestimate a dead time that is short compared with the dominant lag. With τ = 1,
+    L = 0.25 and α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %, but the
+    controller that the paper's rule gives for this model and Ms = 1.4 has Ms = 2.99 with the process. `excess_gain`
+    shows this error.
 
     Raises
     ------
@@ -161,9 +158,9 @@ def three_point(
     excess = _excess_gain(t, y / step, model.process, highest)
     if excess > MOST_EXCESS_GAIN:
         warn(
-            f"the model misses the record, whose gain is higher by up to {100 * excess:.0f} % below the frequency "
-            f"{highest:.4g}; {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with it may be unstable; use "
-            "identification.fit",
+            f"the gain of the record exceeds that of the model by up to {100 * excess:.0f} % below the frequency "
+            f"{highest:.4g}; {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with this model may be unstable; "
+            "use identification.fit",
             RecordWarning,
             stacklevel=2,
         )
@@ -192,8 +189,7 @@ def ipdt_tangent(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0. A `Record`, which has its own output, step and
-        rest level, may be given instead.
+        Uniform times with the step of the input at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
         Output. Its first sample is the rest level.
     step : float, optional
@@ -201,9 +197,8 @@ def ipdt_tangent(
     span : float, optional
         Length of the segment in time, rounded to whole steps of t. The default is one sample interval, which suits a
         record without noise. The relative errors of slope and dead time are then of the order of the squared sample
-        time, or of the sample time if the record is steepest at a corner. For a noisy record give a
-        longer `span`. A line is then fitted by least squares. For a Record with noise
-        the default is a third of the rise time.
+        time, or of the sample time if the record is steepest at a corner. For a noisy record give a longer `span`, to
+        which a line is fitted by least squares. For a Record with noise the default is a third of the rise time.
 
     Returns
     -------
@@ -273,7 +268,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     Returns
     -------
     ndarray, shape (n,)
-        The filtered record, which is exact if the output is linear between samples.
+        The filtered record.
 
     Raises
     ------
@@ -303,8 +298,8 @@ def ipdt_least_squares(
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
     The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. It is fitted to the record
-    from 0 to t_1. The fit with the largest gain K is used, since a large gain makes the tuning cautious (huba2024, sec.
-    3.1). The record is not differentiated, so noise has little effect.
+    from 0 to t_1, for many t_1. The fit with the largest gain K is used, since a large gain makes the tuning cautious
+    (huba2024, sec. 3.1). The record is not differentiated, so noise has little effect.
 
     ============  ===========================
     huba2024      result
@@ -316,16 +311,15 @@ def ipdt_least_squares(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0. A `Record`, which has its own output, step and
-        rest level, may be given instead.
+        Uniform times with the step of the input at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
         Output. Its first sample is the rest level. If the record is noisy, set this sample to the mean before the step.
     step : float, optional
         Change of the input, not 0. By default 1.
     rise : float, optional
         Fraction of the whole change, between 0 and 1. The smallest t_1 is the time at which the output was last below
-        this fraction. The fraction must be large compared with the noise. If it is small and the output is steepest at
-        its beginning, the gain may approach that of `ipdt_tangent`.
+        this fraction. The fraction must be large compared with the noise. If the fraction is small and the output is
+        steepest at its beginning, the gain may approach that of `ipdt_tangent`.
 
     Returns
     -------
@@ -340,8 +334,7 @@ def ipdt_least_squares(
 
     Notes
     -----
-    The paper does not print its criterion. The criterion used here follows the paper's words: least squares, largest
-    gain.
+    The paper prints no formula for its criterion. Its words are followed here: least squares, largest gain.
 
     Examples
     --------
@@ -465,7 +458,7 @@ def _levels_reached(t: Array, y: Array, crossing: str) -> tuple[tuple[float, flo
         )
     if share.max() > 1 + OVERSHOOT:
         raise ValueError(
-            f"y overshoots by {100 * (share.max() - 1):.3g} %, and {100 * OVERSHOOT:g} % is allowed: it has real poles"
+            f"y overshoots by {100 * (share.max() - 1):.3g} %, and {100 * OVERSHOOT:g} % is allowed for real poles"
         )
     times = []
     for level in LEVELS:

@@ -36,14 +36,14 @@ from pidalab.simulation.exact import load_response, simulate_until_settled
 HIGHEST_ORDER = 4  # highest order of a controller
 ACTIVE = 1e-3  # a limit is active if the relative distance to it is below this
 NEGLIGIBLE_ACTION = 1e-6  # an action is dropped if it is below this number times the largest action
-UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; large ones for a low noise limit
+UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; a low noise limit needs large factors
 SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of time
 # If the IAE of the search differs from the simulated IAE by more than this relative amount, the unit of time is too
 # short.
 SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima with a value up to this multiple of the best value are reported
 BEST = 3  # number of descents whose ends are refined
-SAME_END = 1e-4  # a result from random starts is refined if its IAE is at most this share above the best
+SAME_END = 1e-4  # a result from random starts is refined if its IAE is below (1 + this) * the best IAE
 # Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
@@ -92,13 +92,13 @@ def load(
         and Mt <= M.
     noise_gain : float, optional
         Largest allowed `pidalab.noise_gain`, in units of u per unit of y. To limit the relative noise gain, multiply
-        its limit by the ``gain`` of `pidalab.noise_scale`.
+        the relative limit by the ``gain`` of `pidalab.noise_scale`.
     sample_time : float, optional
         Sample time of the noise, only with `noise_gain`. By default the sample time of `pidalab.noise_scale`, which is
         a hundredth of the ultimate period. The filter time is at least the sample time.
     family : sequence of Process, optional
-        Other plants, with gains of the same sign, whose loops must keep `ms_worst`. The IAE is computed only with
-        `process`.
+        Other plants, with gains of the same sign. With each of them, the controller must keep `ms_worst`. The IAE is
+        computed only with `process`.
     ms_worst : float, optional
         Largest allowed maximum sensitivity with each plant of the family, above 1.
     start : Design, optional
@@ -113,9 +113,9 @@ def load(
         - ``noise_gain``, ``mt``, ``disk`` and ``ms_worst``, if they were limited;
         - ``active``, the names of the active limits ("sample_time" if the filter time equals the sample time);
         - ``edge``, the variables at the edge of the search range. Without a limit on noise this is the filter time,
-          since a shorter one would be better;
+          since a shorter filter time would be better;
         - ``valleys``, the IAE of different local optima. The first value is the IAE of the design. The other values are
-          at most twice as large and are accurate to two digits. With `start` there is only the first;
+          at most twice as large and are accurate to two digits. With `start` there is only the first value;
         - ``digits``, the number of digits of gains, filter time and IAE that are the same on every processor.
 
     Raises
@@ -134,7 +134,7 @@ def load(
 
     Examples
     --------
-    Acceleration pays if noise permits it:
+    Acceleration lowers the IAE if the limit on noise permits it:
 
     >>> import pidalab
     >>> process = pidalab.lags(3, delay=1.0)
@@ -200,7 +200,7 @@ def least_iae(
         raise ValueError(f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, found {limits.mks:g}")
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in limits.family):
         raise ValueError(
-            "family must have gains of the sign of the process, since no controller stabilises both signs"
+            "family must have gains of the sign of the process: no controller stabilises plants of both signs"
         )
     searches: list[Search] = []
     best = _best(process, order, limits, searches, start)
@@ -220,12 +220,12 @@ def _best(
 
     Notes
     -----
-    The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that approach the
-    limits. Each kind is tried with increasing units of time, until the IAE of the search agrees with the simulated IAE
-    to `SAME_IAE`. The family is considered only after a search for the process alone, since `ms_worst` is rarely
-    active.
+    The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that are moved
+    until they keep the limits. Each kind is tried with increasing units of time, until the IAE of the search agrees
+    with the simulated IAE to `SAME_IAE`. The family is considered only after a search for the process alone, since
+    `ms_worst` is rarely active.
     """
-    import scipy.optimize  # noqa: F401  # loads its BLAS, whose threads are limited below
+    import scipy.optimize  # noqa: F401  # loads scipy's BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
     from tqdm import tqdm
 
@@ -247,7 +247,7 @@ def _best(
         ways: list[Any] = [*([] if start_design is None else [None]), feasible_starts, approached]
         for start, factor in product(ways, UNITS_TRIED):
             # The next kind of start is not needed if there is a design. If there is a controller for the process alone
-            # but none for the family, other starts would end at that controller.
+            # but none for the family, other starts would end at the same controller.
             if factor == UNITS_TRIED[0] and (best is not None or any(search.family for search in searches)):
                 break
             search = search_in(positive, order, limits, factor)
@@ -289,13 +289,13 @@ def _refusal(searches: list[Search]) -> str:
     if nearest:
         return (
             f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}; the nearest "
-            f"has {min(nearest)[1]}: allow more, or take another order"
+            f"has {min(nearest)[1]}: relax the limits, or take another order"
         )
     hint = ""
     for other in range(HIGHEST_ORDER, order, -1):
         problem = Problem(first.problem.process, other, (first.problem.gain, first.problem.time))
         if any(True for _ in stabilising(Search(problem, Requirements(ms=2.0)))):
-            hint = f"; order {other} has some"
+            hint = f"; there are stable controllers of order {other}"
     return (
         f"no stable controller of order {order} with non-negative gains was found, whatever its ms (requested: "
         f"{wanted}){hint}"
@@ -323,7 +323,7 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
     """Convert the result of a search to a design, evaluated with the process itself."""
     problem, limits, x = search.problem, search.limits, result.best.x
     gains, time = problem.controller(x)
-    # The actions are compared at the corner of the filter, to drop negligible actions.
+    # To drop negligible actions, compare all actions at the corner frequency of the filter.
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
     gains[1:] = np.where(amounts < NEGLIGIBLE_ACTION * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
@@ -384,7 +384,7 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
        collects all optima.
     2. Descents with a free filter time (`free`) begin at the optima of the grid and at the other starts.
     3. The best ends are refined (`finished`).
-    4. Descents from random starts around the best end (`shaken`) check that it is a local optimum.
+    4. Descents from random starts around the best end (`shaken`) check that this end is a local optimum.
     """
     first = starts[0]
     x, on_grid = first, []
@@ -425,7 +425,7 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
 
 
 def _shaken(search: Search, x: Array) -> Iterator[Array]:
-    """Yield random controllers near a given controller, if their loops are stable. They are the same at each run."""
+    """Yield random controllers around x whose loops are stable. Each run yields the same controllers."""
     rng, count = np.random.default_rng(0), search.problem.gains
     for gains, filter_time in SHAKES:
         start = x.copy()
@@ -438,8 +438,8 @@ def _shaken(search: Search, x: Array) -> Iterator[Array]:
 def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
     """Return the best value, then the least value of every further local optimum.
 
-    A descent checks its limits only on a coarse grid. If it violates a limit slightly, its value may be below the best
-    value. So values near the best value or below it are not listed.
+    A descent checks its limits only on a coarse grid, so its value may be slightly too low. Values near or below the
+    best value are therefore not listed.
     """
     chosen = [best]
     for value in sorted(others):

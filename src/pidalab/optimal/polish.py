@@ -1,11 +1,10 @@
 r"""Refine an optimum until its optimality conditions hold.
 
-A descent stops when its tolerance is met. Near a flat minimum, rounding decides where the descent stops. Newton's
-method continues until the optimality conditions hold: the Lagrangian is stationary, and each active limit is an
-equation at the frequency of its peak. Second derivatives are computed as differences of exact first derivatives. Each
-step solves a quadratic programme, whose multipliers decide which limits are active (Nocedal and Wright, Numerical
-Optimization, 2006, ch. 18). The quadratic programme is solved as a least-distance programme (Lawson and Hanson, Solving
-Least Squares Problems, 1974, ch. 23).
+Near a flat minimum, rounding decides where a descent stops. Newton's method continues until the optimality conditions
+hold: the Lagrangian is stationary, and each active limit is an equation at the frequency of its peak. Second
+derivatives are computed as differences of exact first derivatives. Each step solves a quadratic programme, whose
+multipliers decide which limits are active (Nocedal and Wright, Numerical Optimization, 2006, ch. 18). The quadratic
+programme is solved as a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 MAX_FINISHES = 12  # largest number of rounds of `finish`; each round adds frequencies of violated limits
 VALLEY_GAP = 1e-2  # an optimum is dropped if its value exceeds (1 + this) * the value of a known optimum
 UNPOLISHED = 1e-2  # estimated error of an optimum that was not refined by Newton's method
-ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by a smaller relative amount
+ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by less than this fraction
 BACK = 0.97  # the gains are multiplied by this before a diverged descent is repeated
 WORST_PLANTS = 2  # at most this number of plants is added to `search.active` in one round
 # With a family of plants, the gains are multiplied by SHRINK at most SHRINKS times, until no limit is violated by more
 # than LARGEST_VIOLATION.
 SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
-# For each quantity that can be limited, a function that returns its supremum over frequency, and the frequency.
+# For each quantity that can be limited, a function that returns its supremum and the frequency of the supremum.
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "ms": max_sensitivity,
     "mks": max_control_sensitivity,
@@ -41,7 +40,7 @@ SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
     "inverse_disk": lambda loop: axis_of(loop).peak(DIFFERENCE),
 }
 ROOM = 1e-9  # relative allowance for rounding at a limit
-NEAR_LIMIT = 0.05  # a peak becomes a condition if log(height / limit) > -NEAR_LIMIT
+NEAR_LIMIT = 0.05  # a peak is near its limit if log(height / limit) > -NEAR_LIMIT
 FREQUENCY_STEP = 1e-5  # relative step in frequency for the curvature of a peak
 PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
 # Largest and least step of the differences for second derivatives, in scaled variables.
@@ -50,7 +49,7 @@ SPACING, LEAST_SPACING = 1e-4, 1e-6
 # the last step is shorter than LARGEST_LAST_STEP.
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
 SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the steps shrink quickly
-# The trust region has a largest and a least radius. Steps shorter than LOCAL_STEP count as near the end.
+# Largest and least radius of the trust region. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
 # Kinds of peaks below NOMINAL belong to the process (see `Peaks`).

@@ -7,13 +7,13 @@ closed forms exist at each frequency:
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
-with exact dead time. A second transform gives the whole gradient. The IAE is the integral of the error, which is known
-exactly, plus twice the area of those parts of the error that have the opposite sign. This area is computed with
-straight lines between samples. Its slope is continuous, as Newton's method requires.
+with exact dead time. The integral of the error is positive and known exactly. The IAE is this integral plus twice the
+area where the error is negative. This area is computed with straight lines between samples, so that its slope is
+continuous, as Newton's method requires.
 
 The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
-is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. If ln C and ln P change by c and p, ln L changes by c + p,
-and the logarithm of the height changes by :math:`\operatorname{Re}(a c + b p)`, with
+is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. Let ln C change by c, and ln P by p. Then the logarithm of
+the height changes by :math:`\operatorname{Re}(a c + b p)`, with
 
 =================  =========  ==========  =========  =====================
 height             \|S\|      \|C S\|     \|T\|      half of \|S - T\|
@@ -22,7 +22,7 @@ a                  -T         S           S          -2 L/(1 - L²)
 b                  -T         -T          S          -2 L/(1 - L²)
 =================  =========  ==========  =========  =====================
 
-This gives the slopes with respect to the gains (P is then constant) and with respect to the frequency.
+The table gives the slopes with respect to the gains (with p = 0) and with respect to the frequency.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class Problem:
         return filtered, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Return the controller at complex s, and a function that returns its slopes by gains and log filter time."""
+        """Return the controller at complex s, and a function for its slopes by the gains and by the log filter time."""
         filtered, lag = self._filter(x, s)
         by_gains = actions * filtered
         controller = x[: self.gains] @ by_gains
@@ -152,7 +152,7 @@ class Problem:
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # The integral of the error beyond the horizon should be positive. Penalise a negative one.
+            # The integral of the error beyond the horizon should be positive. Penalise a negative integral.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
@@ -231,7 +231,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
-    # `share` is the part of each step in which the line is below zero.
+    # `share` is the fraction of each step in which the line is below zero.
     share = np.where(high > 0, low / np.where(high > 0, low - high, 1.0), 1.0)
     below = np.minimum(high, 0.0)
     by_low, by_high = -share + 0.5 * share**2, np.where(high > 0, -0.5 * share**2, -0.5)
@@ -427,11 +427,11 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-# The unit of time is 1/w_u. At the frequency w_u the phase of the process is CORNER. With several integrators it is
-# INTEGRATORS_TURN below the phase of the integrators.
+# The unit of time is 1/w_u. At the frequency w_u the phase of the process falls to CORNER or, with several integrators,
+# to INTEGRATORS_TURN below the phase of the integrators.
 CORNER = -0.75 * math.pi
 INTEGRATORS_TURN = 0.25 * math.pi
-# A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the frequency of `_loudest`.
+# A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the result of `_loudest`.
 NOISE_SLOWDOWN = 8.0
 QUIET_SHARE = 0.1  # proportional gain divided by the noise limit, if nothing else determines the unit
 
@@ -474,7 +474,7 @@ def _by_noise(process: Process, integrators: int, limits: Requirements) -> float
     loudest = limits.mks or limits.noise_gain
     if not integrators or loudest is None:
         raise ValueError(
-            "process must have a lag or a dead time, or be an integrator under a limit of noise (mks or noise_gain)"
+            "process must have a lag or a dead time, or be an integrator with a limit on noise (mks or noise_gain)"
         )
     gain = abs(float(process.num[-1] / process.den[0]))
     return float((gain * QUIET_SHARE * loudest) ** (-1 / integrators))

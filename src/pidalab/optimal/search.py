@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
-filter times. The second family is for plants that only derivative or acceleration stabilises. Each of its controllers
-has equal zeros, below a chosen crossover.
+filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. The zeros of
+each of its controllers are equal and lie below a chosen crossover frequency.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
 LARGEST_GAIN = 1e6  # in the units of gain of the problem
 SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the problem
 VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
-# The search lowers each limit by this relative amount, since a peak may lie between two of its frequencies.
+# The search lowers each limit by this relative amount, since a peak may lie between two frequencies.
 SPARE = 2e-5
 # Frequencies around a peak, divided by the frequency of the peak.
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
-BETWEEN = 0.01  # a frequency is not added if the relative distance to an existing frequency is smaller
+BETWEEN = 0.01  # a frequency is not added if the relative distance to an existing frequency is below this
 NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of an intermediate and of a final descent
 # Largest number of successive descents. A descent is long if log IAE falls by more than LONG_DESCENT.
@@ -51,22 +51,23 @@ FINER = 12  # number of frequencies for the final noise gain, divided by the num
 
 
 class Search:
-    """Problem with limits at a set of frequencies, to which frequencies around peaks are added."""
+    """Problem whose limits are checked at a set of frequencies. The search adds frequencies around peaks."""
 
-    nearest: Array | None = None  # controller nearest to the limits, from `approached`
-    family: tuple[Process, ...] = ()  # plants with positive gain that must keep ms_worst
+    nearest: Array | None = None  # controller with the least violation, found by `approached`
+    # Plants of positive gain. The loop with each of them must have an Ms of at most `limits.ms_worst`.
+    family: tuple[Process, ...] = ()
 
     def __init__(self, problem: Problem, limits: Requirements) -> None:
         self.problem, self.limits = problem, limits
         self.active: list[int] = []  # plants of the family that the descents consider
         time = problem.time
-        # The frequencies are dense around the crossover, and follow the phase of the dead time.
+        # The grid is dense around the crossover. `with_turns` adds frequencies at equal steps of the phase of the dead
+        # time.
         far = np.geomspace(10.0, 2.0 / np.exp(FASTEST_ON_GRID), 16)[1:]
         w = np.concatenate([np.geomspace(0.01, 0.15, 8), np.geomspace(0.16, 10.0, 42), far]) / time
         self.w = with_turns(w, problem.process.delay, np.arange(3.0, 40.0, 0.7))
         self.iae = problem.iae(SEARCH_HORIZON * time)
         self.fine = problem.iae(SEARCH_HORIZON * time, FINE_SAMPLES)
-        # If the noise is sampled, the filter time must be at least the sample time.
         h = limits.sample_time
         self.noise = self.exact_noise = None
         if limits.noise_gain is not None and h is not None:
@@ -86,7 +87,7 @@ class Search:
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
         """Return the best start at another filter time.
 
-        The candidates are the last optimum x, the same controller with less derivative action, and the first start.
+        The candidates are the last optimum x, x with less derivative action, and the first start.
         """
         count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
@@ -163,8 +164,8 @@ class Search:
                 end = np.clip(scaled.back(solution.x), low, high)
                 before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
-                # A long descent may have ended early, because it used the curvature at its start. Continue it from its
-                # end.
+                # A long descent may end too early, because it estimates the curvature at its start. So repeat the
+                # descent from its end.
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
                     break
                 x = end
@@ -177,19 +178,19 @@ class Search:
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
     def look_at(self, peak: float, nearly: bool = False) -> None:
-        """Add frequencies around a peak. With `nearly`, add them only if no frequency is near the peak."""
+        """Add frequencies around a peak. With `nearly`, add them only if no existing frequency is near the peak."""
         if 0 < peak < np.inf and not (nearly and np.min(np.abs(self.w - peak)) <= BETWEEN * peak):
             self.w = np.append(self.w, peak * AROUND)
 
     def see(self, k: int, peak: float) -> None:
-        """Add plant k of the family to the descents. If the plant is already there, add the frequencies of its peak."""
+        """Make plant k of the family active. If the plant is already active, add frequencies around its peak."""
         if k in self.active:
             self.look_at(peak)
         else:
             self.active.append(k)
 
     def true_noise(self, x: Array) -> float:
-        """Return the noise gain of the sampled loop. Return 0 without a limit, and infinity for an unstable loop."""
+        """Return the noise gain of the sampled loop, 0 if it is not limited, or infinity if the loop is unstable."""
         return 0.0 if self.exact_noise is None else self.exact_noise.gain(x)
 
 
@@ -202,7 +203,7 @@ def is_surely_stable(loop: Loop) -> bool:
 
 
 def search_in(process: Process, order: int, limits: Requirements, factor: float = 1.0) -> Search:
-    """Return a search whose unit of time is `factor` times that of the process.
+    """Return a search whose unit of time is `factor` times the unit of time of the process.
 
     Parameters
     ----------
@@ -244,10 +245,11 @@ FILTERS = (-4.0, -2.0, 0.0)
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # least violation at which `relax` ends, slightly within the limits
+INSIDE = -1e-3  # `relax` stops when every limit is kept with this margin (a negative violation)
 TRIED = 60  # number of candidates whose stability is checked
-STARTS, START_GAP = 6, np.log(4.0)  # largest number of starts; least distance between two (see `_apart`)
-NEAREST = 4  # number of candidates from which the limits are approached
+# Largest number of starts, and least distance between two starts (see `_apart`).
+STARTS, START_GAP = 6, np.log(4.0)
+NEAREST = 4  # number of violating candidates from which `approached` tries to reach the limits
 
 
 def feasible_starts(search: Search) -> list[Array]:
@@ -271,9 +273,9 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 
 
 def approached(search: Search) -> list[Array]:
-    """Return a start that keeps all limits, found from candidates that violate limits.
+    """Return a list with one start that keeps all limits, found from candidates that violate limits.
 
-    Store the controller nearest to the limits in `search.nearest`.
+    The list is empty if this fails. Store the controller with the least violation in `search.nearest`.
     """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
@@ -292,7 +294,7 @@ def stabilising(search: Search) -> Iterator[Array]:
 
 
 def _ranked(search: Search) -> list[Array]:
-    """Return candidates whose loops are stable on a grid of frequencies.
+    """Return the candidates whose loops appear to be stable, judged on a grid of frequencies.
 
     They are sorted by rising violation of the limits, then by falling ki.
     """
@@ -304,7 +306,7 @@ def _ranked(search: Search) -> list[Array]:
 
 
 def relax(search: Search, start: Array) -> Array:
-    """Move from a start to a point that keeps the limits, or violates the limits least."""
+    """Move a start until it keeps the limits, or violates the limits as little as possible."""
     from scipy.optimize import minimize
 
     constraints = search.constraints()

@@ -106,7 +106,7 @@ class Check:
         """100 * (IAE / (IAE of the best gains with the same kind, Ms and noise gain) - 1), for a step of the load.
 
         The loss is negative if the running gains are better than all gains that the search found. (The search uses no
-        filter faster than the sample time.) If it found none, the loss is nan.
+        filter faster than the sample time.) If the search found none, the loss is nan.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -145,7 +145,7 @@ def check(
     r"""Judge the gains of a running loop by its log, or by an experiment with its plant.
 
     The plant is fitted from the logged u to y, in open or closed loop. The log must contain a change of the set point,
-    a step of the load or a bump of u. The change, step or bump must be large compared with the noise.
+    a step of the load or a bump of u that is large compared with the noise.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def check(
     Raises
     ------
     TypeError, ValueError
-        If the log does not show the plant, or if the gains have the wrong sign or no integral action.
+        If no model can be fitted to the log, or if the gains have the wrong sign or no integral action.
 
     Notes
     -----
@@ -231,10 +231,10 @@ def check(
 
 
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
-    """Return how much of the change of u from sample to sample a controller explains, and the best gain.
+    """Return the share of the changes of u between samples that a controller explains, and the best gain.
 
-    The first value is a share from 0 to 1, or nan if u is constant in most samples, as in open loop. The best gain is
-    the proportional gain of a least-squares fit.
+    The share is nan if u is constant in most samples, as in open loop. The best gain is the proportional gain of a
+    least-squares fit.
 
     Notes
     -----
@@ -280,8 +280,8 @@ def _fitted(record: Record, model: str) -> Fit:
     if not fits:
         moved = f" by {CLEAR_MOVE * record.noise.deviation:.2g} or more" if record.noise.deviation else ""
         raise ValueError(
-            f"the log does not show the plant: {refusal}. A check needs a change of the set point, a step of the load "
-            f"or a bump of u that moves the output{moved}, and time to settle"
+            f"no model can be fitted to the log: {refusal}. A check needs a change of the set point, a step of the "
+            f"load or a bump of u that moves the output{moved}, and time to settle"
         )
     plain, loaded = fits[0], fits[-1]
     return loaded if loaded.deviation < CLEARER * plain.deviation else plain

@@ -12,7 +12,7 @@ DOUBTS = {
     "counter": "the time restarts {count} time(s), at {counter:.6g}, and was continued",
     "newest first": "the newest sample came first: the order was reversed",
     "not in order": "the times were not in order, first at {where}, and were sorted",
-    "counted": "column {name!r} counts samples: the times are period = {period:g} apart",
+    "counted": "column {name!r} only numbers the samples: period = {period:g} was used for the times",
     "left out": "left out: {note}",
     "few before": "only {count} sample(s) before the input changes: the state of rest is uncertain",
     "drifting": "the output drifts by {drift:.3g} before the step: it was not at rest",
@@ -21,12 +21,12 @@ DOUBTS = {
     "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the step is placed in "
     "the middle; a fit uses the recorded input",
     "at an end": "the input stays at {end:.6g}, its {word} value, for {count} samples: if that is a limit of the "
-    "actuator, the record may contain the requested input instead of the one that reached the plant",
+    "actuator, the record may contain the requested input instead of the limited input",
     "no step": "the input does not step between lasting levels: {experiment}",
-    "moving at the end": "the output still moves at the end: an integrator, or a record that is too short",
+    "moving at the end": "the output still moves at the end: the plant integrates, or the record is too short",
     # doubts about a model
-    "model error": "the model error is {error:.3g} ({share:.2g} % of the movement of the output), but the noise only "
-    "{noise:.3g}: the plant has other dynamics than the model, or something else moved the output",
+    "model error": "the model error is {error:.3g} ({share:.2g} % of the movement of the output), but the noise is "
+    "only {noise:.3g}: the plant has other dynamics than the model, or something else moved the output",
     "initial state": "the record does not begin at rest: an initial state was fitted as well",
     "hold-out": "the hold-out data are predicted worse than the other data are fitted: NRMSE {holdout:.2f}",
     "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties are {times:.2g} times "
@@ -34,7 +34,7 @@ DOUBTS = {
     # doubts about a design
     "time unit": "the sample time of {sample_time:g} is {share:.3g} times that of the record, {recorded:.4g}: is it in "
     "the record's unit of time?",
-    "short delay": "the dead time of {delay:.3g} is left out: at the frequencies of this loop it turns the phase by "
+    "short delay": "the dead time of {delay:.3g} is left out: at the frequencies of this loop it changes the phase by "
     "less than {phase:g} rad",
     "few poles": "the model has {known} pole(s), and a {kind} also acts on faster dynamics, which are unknown: fit a "
     "model of higher order, or choose a controller with fewer derivatives",
@@ -56,7 +56,7 @@ DOUBTS = {
     "unstable": "the loop with the model is unstable: the controller of the log must have had other gains or units",
     "other gains": "the given gains did not compute the log's u from its y: they explain {share:.0f} % of the movement "
     "of u between samples{better}",
-    "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, since they are fed back, "
+    "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, through the feedback, "
     "and pull the model towards -1/C: Ms may lie outside its interval; a larger change of the set point would help",
 }
 

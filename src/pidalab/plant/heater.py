@@ -27,7 +27,7 @@ class Lab:
     Parameters
     ----------
     connected : bool, optional
-        Use the board at a serial port. By default a board is simulated. It starts at 21 degrees.
+        Use the board at a serial port. By default a board is simulated, which starts at 21 degrees.
     seed : int, optional
         Seed of the simulated noise.
 
@@ -227,7 +227,6 @@ class Lab:
 
 
 def _power(name: str, power: float) -> float:
-    """Check a power in per cent."""
     return _check.real(name, power, at_least=0.0, at_most=100.0)
 
 

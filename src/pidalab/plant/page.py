@@ -1,4 +1,4 @@
-"""Figures of a report, and the page that contains them."""
+"""Draw the figure of a report, and write its page."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def svg(drawn: Figure) -> str:
 
 
 def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Sequence[Process]) -> Figure:
-    """Draw six panels for the designs with `process`, the circle of the requested Ms, and curves of `plants`."""
+    """Draw six panels for the designs with `process`. The last panel also shows `plants` and the requested Ms."""
     stable = [(row, row.design) for row in rows if row.applies and row.design is not None]
     if not stable:
         raise ValueError("there is nothing to draw: no candidate is stable with the model")

@@ -62,7 +62,7 @@ class Report:
     rows : tuple of DesignRow
         The candidates with designs, measures and responses.
     plants : tuple of Process
-        Further plants that the model allows.
+        Further plants within the uncertainty of the model.
     """
 
     process: Process
@@ -73,7 +73,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the record, the model and the designs, with the kinds if not all designs are concerned."""
+        """Reservations about record, model and designs. A doubt about only some designs begins with their kinds."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
@@ -91,7 +91,7 @@ class Report:
         return "\n".join(
             f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, relative noise gain "
             f"{new.relative_noise / old.relative_noise:.2f} times"
-            + ("" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} after {old.ms_worst:.2f}")
+            + ("" if math.isnan(new.ms_worst) else f", worst Ms {new.ms_worst:.2f} vs {old.ms_worst:.2f}")
             for old, new in pairwise(row for row in self.rows if row.applies)
         )
 
@@ -203,7 +203,7 @@ class Report:
         title : str
             Heading of the page.
         *sections : sequence of (str, str), optional
-            The two lists of `sections`, which are the default.
+            Two lists like those of `sections`, which are the default.
 
         Returns
         -------
@@ -222,7 +222,7 @@ class Report:
         return page(title, self._repr_html_(), self.plot(), first, last)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Return two lists of headings and texts: those before the figure of the page, and those folded after it.
+        """Return headings and texts of the page in two lists: those before the figure, and the folded ones after it.
 
         Returns
         -------

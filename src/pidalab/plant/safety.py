@@ -1,4 +1,4 @@
-"""Make designs that are safe in the real loop, both with the model and with the other plants that it allows.
+"""Make designs that are safe in the real loop, with the model and with other plants within its uncertainty.
 
 The real loop contains the sample time and the output filter with which the controller will run.
 """
@@ -26,8 +26,8 @@ STILL_KEPT = 1e-6  # a limit is kept if result <= limit * (1 + STILL_KEPT)
 MOST_CORRECTIONS = 20  # largest number of corrections of the requested Ms
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # least and largest factor of (requested Ms - 1) in one correction
 
-# Function of the requirements and of a design from which the search starts. It returns a design that keeps the
-# requirements, and the names of the active limits.
+# Function of the requirements and of a start of the search. It returns a design that keeps the requirements, and the
+# names of the active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
 
@@ -62,7 +62,6 @@ class LoopEvaluator:
         return Loop(plant, design.controller, filters, design.prefilter)
 
     def _ms(self, design: Design, plant: Process) -> LoopMs:
-        """Return Ms of the sampled loop. If it has none, return Ms of the continuous loop and the reason."""
         loop, reason = self.loop(design, plant), ""
         if self.sample_time is not None:
             try:
@@ -73,7 +72,7 @@ class LoopEvaluator:
         return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
-        """Return the largest Ms over the plants, or 0 without plants, and the alphabetically first reason."""
+        """Return the largest Ms with any of the plants (0 without plants), and the alphabetically first reason."""
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
@@ -111,7 +110,7 @@ def correct_request(
     Returns
     -------
     Design
-        A design that meets the active limits. If there is none, the last design that keeps all limits.
+        A design that meets the active limits. If none is found, the last design that keeps all limits.
 
     Raises
     ------

@@ -25,8 +25,8 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# For an integrating plant, the largest sample_time / (slowest time constant or dead time). After that only the
-# integrator still moves.
+# Largest ratio of the sample time to the slowest time constant or dead time of an integrating plant. After this time
+# only the integrator still moves.
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`
@@ -35,7 +35,7 @@ MOST_MS = 5.0
 PHASE_UNKNOWN = 1e-3  # a phase shift below this, in rad, is negligible, since no model is so accurate
 SPREAD = 20  # plants drawn from the uncertainty of a fit
 PRICE_WARNING = 1.5  # price of robustness in IAE above which a doubt is given
-REMEDIES = (  # remedies for too much uncertainty of a process and of a fit
+REMEDIES = (  # remedies if a process or a fit is too uncertain
     "a smaller spread would help",
     "a longer record, a larger step or several of them, or less noise would help",
 )
@@ -43,7 +43,7 @@ LONG_TURN = 0.5  # the sample time is too long if sample_time * (crossover frequ
 
 
 def require_sampling(process: Process, sample_time: float) -> None:
-    """Raise an error if the process responds almost completely within one sample time."""
+    """Raise an error if the sample time is too long for the process."""
     poles, corners = np.abs(roots(process.den)), corner_frequencies(process)
     if not np.isfinite(process.gain()):
         limit = AT_REST / corners.min() if corners.size else math.inf
@@ -84,23 +84,22 @@ def tune(
     kind : {"PIDA", "PID", "PI"}, optional
         Kind of controller.
     ms : float, optional
-        Largest maximum sensitivity, above 1. 1.4 is cautious, 2 is fast. With a sample time it applies to the sampled
-        loop. Rules other than "optimal" and "haalman" ignore it, and the result contains the Ms reached.
+        Largest maximum sensitivity, above 1. 1.4 is cautious, 2 is fast. With a sample time, the limit applies to the
+        sampled loop. Rules other than "optimal" and "haalman" ignore it, and the result contains the Ms reached.
     noise_gain : float, optional
         Largest (standard deviation of u) / (standard deviation of white measurement noise), sampled with `sample_time`.
         By default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without
-        noise, the gain from noise to u at any frequency is limited instead, to 10/\|P(0)\|. (For an integrator, P is
-        taken where its phase has fallen by 45°.)
+        noise, the gain from noise to u at any frequency is limited instead, to 10/\|P(0)\|. (For an integrator,
+        P(0) is replaced by P at the frequency where its phase has fallen by 45°.)
     sample_time : float, optional
-        Sample time of the controller that will run the design by backward differences, above 0. Half of it is added to
-        the dead time, to account for the hold. The design is corrected until the sampled loop has the requested Ms, to
-        0.1 %.
+        Sample time of the digital controller (backward differences), above 0. Half of it is added to the dead time, to
+        account for the hold. The design is corrected until the sampled loop has the requested Ms, to 0.1 %.
     rule : str, optional
-        "optimal", the least IAE for loads, or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
+        "optimal", the least IAE after a load step, or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
     spread : float, optional
-        Relative error of the model: gain, time scale and dead time are raised and lowered by it. By default a Process
-        is not varied. A Fit is varied by its uncertainty, and by 15 % of the gain up or down (`Fit.plants`). Its worst
-        case is the worst of twenty random plants. It is not a bound: a few in a hundred plants are worse.
+        Relative error by which gain, time scale and dead time are raised and lowered. By default a Process is not
+        varied, and a Fit is varied by its uncertainty and by 15 % of the gain, up or down (`Fit.plants`). The worst of
+        twenty such random plants is not a bound: a few in a hundred plants are worse.
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, such as the lag of a sensor. The design takes it into account.
     ms_worst : float, optional
@@ -133,13 +132,13 @@ def tune(
     ms, ms_worst = _check.real("ms", ms, above=1.0), _check.real("ms_worst", ms_worst, above=1.0)
     if ms > MOST_MS:
         raise ValueError(
-            f"ms must be at most {MOST_MS:g}, found {ms:g}: 1.4 is cautious, 2 is fast, and a larger one leaves a loop "
+            f"ms must be at most {MOST_MS:g}, found {ms:g}: 1.4 is cautious, 2 is fast, and a larger ms leaves a loop "
             "close to instability"
         )
     named = None if rule == "optimal" else find(rule, "optimal")
     process = model.process if isinstance(model, Fit) else model
     if isinstance(process, Record):
-        raise TypeError("model must be a Process or a Fit, found Record; fit one: identification.fit(record)")
+        raise TypeError("model must be a Process or a Fit, found Record; use identification.fit(record)")
     require_no_zero_at_origin("model", process)
     if sample_time is not None:
         sample_time = _check.real("sample_time", sample_time, above=0.0)
@@ -161,7 +160,7 @@ def tune(
     remedy = REMEDIES[isinstance(model, Fit)]
     if len({sign_of_gain(plant) for plant in [process, *plants]}) > 1:
         raise ValueError(
-            f"the sign of the gain is not settled, and no controller is stable with both signs: {remedy}"
+            f"the sign of the gain is not known, and no controller is stable with both signs: {remedy}"
         )
     designed, *others = (_as_designed_for(plant, sample_time, output_filter) for plant in [process, *plants])
     _known_dynamics(model, designed, kind, doubts)
@@ -299,7 +298,7 @@ def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time:
 
 
 def _gain_needed(process: Process) -> float:
-    """Return the least gain from y to u: 1/|P| at rest or, for an integrator, where its phase has fallen by 45°."""
+    """Return 1/|P| at frequency 0 or, for an integrator, at the frequency where the phase has fallen by 45°."""
     gain = process.gain()
     if math.isfinite(gain):
         return 1 / abs(gain)
@@ -315,7 +314,6 @@ def _gain_needed(process: Process) -> float:
 
 
 def _grid(corners: Array) -> Array:
-    """Return frequencies from far below to far above the corner frequencies."""
     return np.geomspace(1e-4 * corners.min(), 1e4 * corners.max(), 4801)
 
 

@@ -74,13 +74,11 @@ def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit:
 
 
 def _with_units(gain: float, ti: float, td: float) -> dict[str, float]:
-    """Return the gain, the times in seconds and minutes, and the reset rate."""
     times = {"Ti [s]": ti, "Ti [min]": ti / 60, "repeats/min": 60 / ti, "Td [s]": td, "Td [min]": td / 60}
     return {"Kc": gain, **times}
 
 
 def _filter(part: FilteredGains, unit: float) -> str:
-    """Describe the filter of a part of the controller."""
     name = "all parts" if part.name == "filtered" else part.name
     order = f" ({part.filter_order} equal lags)" if part.filter_order > 1 else ""
     return f"{name} {part.filter_time * unit:.5g} s{order}"

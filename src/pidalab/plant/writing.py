@@ -94,7 +94,7 @@ def _rename(hidden: Path, paths: Sequence[Path]) -> None:
 
 
 def refuse_others(texts: Mapping[Path, str | None]) -> None:
-    """Raise an error if a path exists and is not a file with this text. If the text is None, no path may exist."""
+    """Raise an error if a path exists and is not a file with this text, or if it exists and the text is None."""
     others = [
         path.name or str(path)
         for path, text in texts.items()

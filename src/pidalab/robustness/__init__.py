@@ -1,7 +1,6 @@
 """Compute margins and poles of a loop, and its absolute stability with a limited control signal.
 
-The functions for poles and margins are members of `pidalab`, such as `pidalab.margins`. The others are members of this
-module.
+The functions for poles and margins are members of `pidalab`, such as `pidalab.margins`.
 """
 
 from pidalab.robustness.limits import Criterion, LinearPart, circle, linear_part, popov, smallest_filter_time

@@ -2,9 +2,9 @@
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
 points, but the dead time turns the phase without bound. A grid step is therefore divided further if the dead time turns
-the phase quickly within the step *and* the step may contain a crossover or peak. It may contain a crossover if the
-magnitude of L is large enough, and a peak if its upper bound is high enough. All crossovers, or all peaks, are then
-refined at once.
+the phase quickly within the step *and* the step may contain a crossover or peak. A step may contain a crossover if the
+magnitude of L is large enough, and a peak if an upper bound of the height is high enough. Finally, all crossovers (or
+all peaks) are refined together.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FINE_STEP, COARSE_STEP = 0.25, 1.0
 NEAR_POSITIVE_AXIS = 0.5
 ROUNDING = 1e-12  # |log |L||, relative imaginary parts and relative differences count as 0 below this
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
-DETOUR = 1.5  # assumed largest ratio of the path of L between two points to their distance
+DETOUR = 1.5  # assumed largest value of (length of the path of L between two points) / (their distance)
 NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
 TINIEST = 1e-300  # a smaller |L| counts as 0
 HUGE = 1e9  # where |L| is above this, a jump of the phase is due to a pole on the axis
@@ -51,7 +51,7 @@ TO_AN_END = 1e-7  # a peak counts only if it exceeds (1 + this) * the limits at 
 # The characteristic function N + D counts as 0 if its modulus is at most this number times |N| + |D|.
 ON_CONTOUR = 1e-9
 SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: |S|, |T|, half of |S - T|
-# Distances of grid points from a lightly damped root, in units of its damping.
+# (distances of grid points from a lightly damped root) / (modulus of the real part of the root)
 NEAR_ROOT = np.outer([-1.0, 1.0], np.logspace(-2.0, 3.0, 40)).ravel()
 
 
@@ -68,7 +68,7 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a grid from 1e-4 times the slowest root to 1e4 times the fastest root, but not beyond `end`.
+    """Return a frequency grid from 1e-4 times the slowest root (in modulus) to 1e4 times the fastest, at most to `end`.
 
     The inverse of the dead time counts as a root.
     """
@@ -87,13 +87,13 @@ def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
 
 
 def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Array:
-    """Divide the selected steps between frequencies until the dead time turns the phase by at most `turn` in each."""
+    """Divide the selected steps of a grid until the dead time turns the phase by at most `turn` in each step."""
     parts = np.where(steps, np.maximum(np.ceil(np.diff(w) * delay / turn), 1.0), 1.0)
     points = float(parts.sum())
     if not points <= MOST_POINTS:
         raise TooManyTurns(
-            f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times where it matters, which is too "
-            "often; is the loop far from stable, or the sample time much shorter than the dead time?"
+            f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times in the range to be searched, which "
+            "is too often; is the loop far from stable, or the sample time much shorter than the dead time?"
         )
     if points < w.size:  # no step has to be divided
         return w
@@ -109,7 +109,7 @@ def most_between(*neighbours: Any) -> Any:
 
 
 def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any = True) -> Array:
-    """Return one zero of a function in each allowed step at whose ends the function has different signs.
+    """Return one zero of a function in each allowed step in which the sign of the function changes.
 
     Notes
     -----
@@ -142,7 +142,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Return the places and values of minima of a function, each between the two neighbours of the point w[i].
+    """Return the places and values of minima of a function, one between the neighbours of each point w[i].
 
     Notes
     -----
@@ -169,7 +169,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
 
 
 def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
-    """Return the frequencies where |L| = 1, ascending, and those at which an extremum of |L| is near 1."""
+    """Return the frequencies where |L| = 1, ascending, and the frequencies of extrema of |L| near 1."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
         _, num, den = at(w)
@@ -229,8 +229,8 @@ class Axis(ABC):
     delay : float
         Dead time; 0 if there is none.
     at_zero, at_end : float
-        L at both ends of the axis, a real number. With dead time, L has no limit at infinite frequency, and `at_end` is
-        the limit of -\\|L\\|, the worst case.
+        L at both ends of the axis, a real number. With dead time, L has no limit at infinite frequency. Then `at_end`
+        is the limit of -\\|L\\|, the worst case.
     end : float
         Upper end of the axis: infinity for a continuous loop, half the sampling frequency for a sampled loop.
     """
@@ -265,11 +265,11 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return the grid, with steps divided by `points` where \\|L\\| >= loud."""
+        """Return the grid, in which `points` divides the steps where \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
-        """Return the grid, with the selected steps divided by the function `divided`."""
+        """Return the grid, in which the function `divided` divides the selected steps."""
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property
@@ -302,7 +302,7 @@ class Axis(ABC):
             product = num * np.conj(den)
             clear = np.abs(product.imag) >= ROUNDING * np.abs(product)
             w, product, size = w[clear], product[clear], (np.abs(num) / np.abs(den))[clear]
-            # If L is near the positive axis at both ends of a step, it can cross only this axis within the step.
+            # If L is near the positive axis at both ends of a step, L can cross only this axis within the step.
             ahead, loud = product.real > NEAR_POSITIVE_AXIS * np.abs(product), size >= floor
             allowed = ~(ahead[:-1] & ahead[1:]) & (loud[:-1] | loud[1:])
             crossovers = zeros(angle, w, np.angle(-product), allowed)
@@ -318,7 +318,7 @@ class Axis(ABC):
     def supremum(
         self, kind: int, at_zero: float, at_end: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the supremum of weight * height and its frequency, from the peaks and the limits at both ends."""
+        """Return the supremum of weight * height, which may be a limit at an end of the axis, and its frequency."""
         end = max(at_zero, at_end)
         peak, where = self.highest(kind, end / (1 - TO_AN_END), weight)
         if math.isnan(where):  # no peak is higher than the limits at the ends
@@ -327,7 +327,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies near the fastest gain crossovers, where the quickly turning L comes near -1."""
+        """Return frequencies near the fastest gain crossovers, where L turns quickly and comes near -1."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers
@@ -344,14 +344,14 @@ class Axis(ABC):
         kind : int
             `SENSITIVITY`, `COMPLEMENTARY` or `DIFFERENCE`.
         least : float
-            Value that a peak must exceed. If no peak exceeds `least`, return `least`, and NaN as its frequency.
+            Value that a peak must exceed. If no peak exceeds `least`, return `least` and the frequency NaN.
         weight : callable, optional
             A smooth positive function of frequency.
 
         Notes
         -----
         `best` is the highest value so far, and `most` is an upper bound of the height within each step of the grid.
-        Only steps whose bound exceeds `best` are divided, those with the largest bounds first. A local maximum of three
+        Only steps whose bound exceeds `best` are divided, in the order of falling bounds. A local maximum of three
         points is refined only if its bound exceeds `best`. So no peak above the result is missed. The values at
         `_probes` are computed first, because a high `best` saves work.
         """

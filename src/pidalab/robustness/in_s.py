@@ -27,7 +27,7 @@ from pidalab.roots import roots
 # If the dead time turns the phase by more than this angle in rad, rounding hides a fraction of a turn.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
-CLEAR = 10.0  # the grid is extended until |L| has passed this value or 1 / this value
+CLEAR = 10.0  # the grid is extended until |L| is above this value or below 1 / this value
 
 
 class LoopFactors(NamedTuple):
@@ -105,7 +105,7 @@ class AxisInS(Axis):
     factors: LoopFactors
 
     def scaled(self, factor: float) -> AxisInS:
-        """Return the loop with its gain times a factor above 0."""
+        """Return the loop with its gain multiplied by a factor above 0."""
         return replace(
             self,
             at_zero=factor * self.at_zero,
@@ -122,11 +122,11 @@ class AxisInS(Axis):
 
         Notes
         -----
-        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1, 1 + L stays right of the imaginary axis. Between two
-        gain crossovers, the change of angle(f) is therefore the change of angle(D) plus the change of angle(1 + L).
-        Where \|L\| > 1, the same holds with N and 1 + 1/L. Along a straight line, the angle of each factor s - root
-        changes by less than half a turn, and the angle of e^(-s delay) changes by -delay times the change of ω. So the
-        values at the gain crossovers suffice.
+        With L = N/D, f = D (1 + L) = N (1 + 1/L). Between two gain crossovers with \|L\| < 1, 1 + L stays right of the
+        imaginary axis. So the change of angle(f) is the change of angle(D) plus the change of angle(1 + L). With
+        \|L\| > 1, the same holds for N and 1 + 1/L. Along a straight line, the angle of each factor s - root changes
+        by less than half a turn, and the angle of e^(-s delay) changes by -delay times the change of ω. So the values
+        at the gain crossovers suffice.
         """
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope

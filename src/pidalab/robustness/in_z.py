@@ -6,7 +6,7 @@ sample to sample is
 
 .. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0}.
 
-With the controller K(z), the loop transfer function is :math:`L(z) = G(z) K(z)`. It determines stability and margins at
+With the controller K(z), the loop transfer function is :math:`L(z) = G(z) K(z)`. L determines stability and margins at
 the samples without approximation. The output between samples is not considered.
 """
 
@@ -38,7 +38,7 @@ from pidalab.statespace import ALIGNED, held, pieces, realise
 
 LARGEST_TURN = 0.8  # largest change of the angle of the characteristic function between two points, in rad
 HALVINGS = 70  # largest number of times that a step is halved
-LONGEST_DELAY = 1e6  # largest dead time in samples; beyond, rounding hides the fraction of a sample
+LONGEST_DELAY = 1e6  # largest dead time in samples; above it, rounding hides the fraction of a sample
 
 
 def require_later_answer(plant: Any, direct: float, h: float) -> None:
@@ -188,7 +188,7 @@ def _axis_in_z(loop: Loop, controller: DigitalController) -> AxisInZ:
 
     grid, end = frequencies(poles, process.delay, math.pi / h), math.pi / h
     integrates = controller.integrates or process.den[-1] == 0
-    # An integrator makes L infinite at zero frequency, unless a zero of the plant cancels it.
+    # If no zero of the plant cancels the integrator, L is infinite at zero frequency.
     at_zero = math.inf if integrates and process.num[-1] != 0 else L(grid[0] if integrates else 0.0)
     on_grid = Samples(grid, *transfer(1j * grid))
     return AxisInZ(grid, on_grid, process.delay + h, at_zero, L(end), end, transfer=transfer)
@@ -200,7 +200,7 @@ def axis_of(loop: Loop) -> Axis:
     Raises
     ------
     TypeError, ValueError
-        If the argument is not a Loop, the loop is ill-posed, or the dead time is longer than a million samples.
+        If the argument is not a `Loop`, if the loop is ill-posed, or if the dead time exceeds 1e6 samples.
     """
     require_loop(loop)
     return axis_in_s(loop) if loop.digital is None else _axis_in_z(loop, loop.digital)

@@ -5,26 +5,26 @@ automatic reset acts back on :math:`u_L`,
 
 .. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
 
-(the symbols are those of huba2024, Fig. 1). F_r is part of G because the input of F_r is the *limited* signal. It has a
-minus sign because the reset is positive feedback. Suppose that the loop can rest at a u strictly between the limits.
+(the symbols are those of huba2024, Fig. 1). F_r is part of G because the input of F_r is the *limited* signal. F_r has
+a minus sign because the reset is positive feedback. Suppose that the loop can rest at a u strictly between the limits.
 Then the deviation of u from this value is a function of the deviation of u_L. This function lies in the sector from 0
 to 1: its slope is at most 1, and its value is 0 only at 0. The criterion of Popov with the multiplier
 :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
-With θ = 0 this is the circle criterion, whose circle for this sector is the half plane left of -1. If either criterion
-holds, the loop comes to rest from every initial state. The theorem assumes the following.
+With θ = 0 this is the circle criterion. For this sector its circle is the half plane left of -1. If either criterion
+holds, the loop comes to rest from every initial state. The theorem makes three assumptions:
 
-- F is strictly proper. Its poles lie left of the imaginary axis, except for a simple pole at 0 of an integrating
-  process. A loop with this pole is Popov's particular case: the sector excludes the gain 0, which does not stabilise
-  the loop. Its residue must be positive, so that every small gain stabilises the loop. The theorem then requires θ > 0.
-  The circle criterion still suffices: ωG is bounded, so a positive margin remains positive with a small θ.
+- F is strictly proper. Its poles lie left of the imaginary axis, except that an integrating process may have a simple
+  pole at 0. With this pole (Popov's particular case) the sector excludes the gain 0, which does not stabilise the loop.
+  The residue of the pole must be positive, so that every small gain stabilises the loop. The theorem requires θ > 0 in
+  this case. The circle criterion still suffices: ωG is bounded, so a positive margin remains positive with a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
 - The inequality is strict, also in the limits of ω to 0 and to infinity.
 
-A dead time is allowed (Popov and Halanay, 1962). Both criteria are sufficient, not necessary: a loop that does not meet
-them may still come to rest from every state.
+A dead time is allowed (Popov and Halanay, 1962). Both criteria are sufficient, not necessary: a loop that meets neither
+may still come to rest from every state.
 
 With the pole at 0, :math:`F = E/s`, and the real part in the criterion tends to :math:`E'(0) + \theta E(0)` for ω to 0,
 since :math:`F_r(0) = 1`. For the controllers of huba2024 this limit is
@@ -50,11 +50,11 @@ from pidalab.roots import border, roots
 
 # A value counts as lower than `best` if it is below best - NO_LOWER * max(1, |best|).
 NO_LOWER = 1e-10
-GRID_STEPS = 60  # number of grid steps that are divided at a time
+GRID_STEPS = 60  # largest number of grid steps that are divided at a time
 TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger than this
-LARGEST_MULTIPLIER = 1e3  # largest multiplier without a reset, per longest time constant or dead time
+LARGEST_MULTIPLIER = 1e3  # (largest multiplier without a reset) / (longest time constant or dead time)
 BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
-MARGIN_RTOL = 1e-9  # the search for a multiplier ends if the possible relative improvement is smaller
+MARGIN_RTOL = 1e-9  # the search for a multiplier ends if the possible relative improvement is at most this
 MOST_MULTIPLIERS, FURTHER = 60, 4.0  # largest number of multipliers; largest ratio of successive multipliers
 
 
@@ -64,7 +64,7 @@ class LinearPart(NamedTuple):
     Attributes
     ----------
     forward : Process
-        F, from the limited control signal through process, filter and controller, without the reset.
+        F, the path of the limited control signal through process, filter and controller, without the reset.
     zeros, poles : ndarray of complex
         Zeros and poles of the rational part of F, without a pole at 0.
     reset_time : float
@@ -100,7 +100,7 @@ class Criterion(NamedTuple):
     margin : float
         Infimum of Re[1 + (1 + jωθ) G(jω)], accurate to nine digits.
     frequency : float
-        Frequency of the infimum, in rad per time unit. 0 or infinite if the infimum is a limit at this frequency.
+        Frequency of the infimum, in rad per time unit. If the infimum is only approached, this is 0 or infinite.
     multiplier : float
         Multiplier θ, a time. 0 for the circle criterion.
     """
@@ -149,7 +149,7 @@ def linear_part(loop: Loop) -> LinearPart:
     reset = loop.automatic_reset
     if reset is None:
         ti, controller = math.inf, loop.blocks["controller"]
-    else:  # the stabilising controller remains without the reset
+    else:  # without the reset, only the stabilising controller remains
         ti, controller = reset.time, (reset.stabiliser, binomial(reset.filter_time, reset.filter_order))
     num, den, zeros, poles = np.ones(1), np.ones(1), [], []
     for own_num, own_den in (controller, loop.blocks["process"], loop.blocks["output_filter"]):
@@ -166,7 +166,7 @@ def linear_part(loop: Loop) -> LinearPart:
 
 def _check_assumptions(part: LinearPart, integrators: int) -> None:
     if len(part.forward.num) >= len(part.forward.den):
-        raise ValueError("the forward path must be strictly proper, or the limits would act on themselves")
+        raise ValueError("the forward path must be strictly proper: u must not act on itself instantly")
     bad = part.poles[part.poles.real >= 0]
     if bad.size or integrators > 1:
         offending = f"one at {bad[0]:.4g}" if bad.size else f"{integrators} at 0"
@@ -195,7 +195,7 @@ def circle(loop: Loop) -> Criterion:
     ValueError
         If the criterion does not apply to the loop.
     ArithmeticError
-        If there are too many turns of the phase to follow.
+        If the dead time turns the phase too often.
 
     Examples
     --------
@@ -223,7 +223,7 @@ def popov(loop: Loop) -> Criterion:
     Returns
     -------
     Criterion
-        Its multiplier is 0 if no larger multiplier gives a larger margin.
+        The multiplier is 0 if no larger multiplier gives a larger margin.
 
     Raises
     ------
@@ -232,9 +232,9 @@ def popov(loop: Loop) -> Criterion:
 
     Notes
     -----
-    The margin is the infimum of an expression that is linear in θ at each frequency. So the frequency of each infimum
-    gives a straight line in θ, and the minimum of all lines is an upper bound of the margin. The next infimum is
-    computed at the θ with the largest bound, and adds a line. The search ends when the best margin reaches the bound.
+    At each frequency, the expression in the criterion is linear in θ. So each infimum found gives a straight line that
+    the margin cannot exceed. The next infimum is computed at the θ where the minimum of all lines is largest. The
+    search ends when the best margin reaches this bound.
 
     Examples
     --------
@@ -285,7 +285,7 @@ def smallest_filter_time(
     longest: float,
     shortest: float | None = None,
 ) -> float:
-    """Return the shortest filter time down to which a property holds, for a family of loops.
+    """Return the shortest filter time with which a loop still has a property.
 
     `family` decides what else changes with the filter time: for example, the gains may be constant or tuned again.
     Starting at `longest`, the filter time is repeatedly reduced by a tenth until the property fails. Bisection then
@@ -315,7 +315,7 @@ def smallest_filter_time(
 
     Examples
     --------
-    The gains are tuned for a filter time of 0.2. How short may the filter time become with these gains?
+    How short may the filter time become with gains that are tuned for 0.2?
 
     >>> import dataclasses, pidalab
     >>> from pidalab import robustness
@@ -368,7 +368,7 @@ def _reset(part: LinearPart, w: Any, theta: float) -> Any:
 
 
 def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
-    """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and its frequency, which is 0 or inf for a limit at an end.
+    """Return the infimum of Re[1 + (1 + jωθ) G(jω)] and its frequency (0 or inf if the infimum is only approached).
 
     Notes
     -----

@@ -23,7 +23,7 @@ QUIETEST = 0.1
 # In the search for a gain, the grid resolves the phase of the dead time at frequencies where |L| is above this value.
 QUIETEST_GIVEN = 0.1
 FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
-AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # frequencies added around a peak / frequency of the peak
+AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # (frequencies added around a peak) / (frequency of the peak)
 MS_RTOL = 1e-6  # before the last step, Ms may exceed the required Ms by this relative amount
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
 DROP = 3.0  # decrease of |T| at the bandwidth, in decibels
@@ -52,8 +52,8 @@ class Margins:
         Delay margin, the smallest extra dead time that brings a pole to the stability limit.
     disk : float
         Disk margin α, the inverse of the largest \\|S - 1/2\\|. The loop stays stable for any complex factor
-        (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. These include gains from (2 - α)/(2 + α) to (2 + α)/(2 - α), and
-        rotations up to 2 arctan(α/2).
+        (1 + δ/2)/(1 - δ/2) of L with \\|δ\\| < α. These factors include gains from (2 - α)/(2 + α) to (2 + α)/(2 - α),
+        and rotations up to 2 arctan(α/2).
     ms, mt : float
         Peaks of the sensitivity and of the complementary sensitivity.
     wgc, wpc : float
@@ -63,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Only those with \\|L\\| >= 0.1 are listed. If none of these has \\|L\\| < 1, crossovers with smaller \\|L\\| are
-        included. If an unstable loop has more than about 300,000 turns of phase in this range of \\|L\\|, no phase
-        crossovers are listed, and the gain margins are NaN.
+        Only those with \\|L\\| >= 0.1 are listed. If \\|L\\| is at least 1 at all of these, crossovers with smaller
+        \\|L\\| are included. If the phase of an unstable loop turns more than about 300,000 times in this range of
+        \\|L\\|, no phase crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -326,7 +326,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at this array."""
+    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at its points."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -415,9 +415,9 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
 
 
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
-    r"""Return the factors k, largest first, where :math:`|1 + k L| \ge 1/M_s` becomes violated as k rises.
+    r"""Return the factors k, largest first, at which :math:`|1 + k L|` falls below :math:`1/M_s` as k rises.
 
-    At each frequency, the condition fails for k between the two roots of
+    At each frequency, :math:`|1 + k L| < 1/M_s` holds for k between the two roots of
     :math:`|L|^2 k^2 + 2 \mathrm{Re}(L) k + 1 - 1/M_s^2`.
     """
     size = np.abs(unit) ** 2

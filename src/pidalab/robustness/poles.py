@@ -18,8 +18,8 @@ from pidalab.robustness.in_z import axis_of
 MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
 CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
-# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, since the collocation has rounding
-# errors larger than such poles.
+# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, because the rounding errors of the
+# collocation are larger than these poles.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps of Aberth's method
@@ -40,8 +40,8 @@ def unstable_poles(loop: Loop) -> float:
     Returns
     -------
     int or float
-        The number, ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency, which has infinitely many
-        poles to the right of the axis, on the axis or arbitrarily near to it.
+        The number of poles. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop
+        has infinitely many poles right of the axis, on the axis or arbitrarily near to the axis.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def unstable_poles(loop: Loop) -> float:
 
 
 def count_unstable(axis: Axis) -> float:
-    """Return the number of unstable poles of a loop that is given as an `Axis`."""
+    """Count the unstable poles of a loop along its `Axis`."""
     if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
     slowest = axis.grid[0]
@@ -114,17 +114,17 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     Returns
     -------
     ndarray of complex
-        Poles in 1/time by falling real part. Multiple poles are repeated. A pole of multiplicity k has only 1/k of the
-        correct digits of a simple pole.
+        Poles in 1/time, sorted by falling real part. Multiple poles are repeated. A pole of multiplicity k has only 1/k
+        of the correct digits of a simple pole.
 
     Raises
     ------
     ValueError
         If the loop has fewer poles or is ill-posed.
     ArithmeticError
-        If the argument principle does not confirm the poles. For example, they lie too close to their neighbours or to
-        the infinite chain of poles of a neutral loop, decay by more than e^20 in a dead time, or have frequencies of
-        hundreds of rad per dead time.
+        If the argument principle does not confirm the poles. Possible reasons: the poles lie too close to their
+        neighbours or to the infinite chain of poles of a neutral loop; they decay by more than e^20 in a dead time; or
+        their frequencies are hundreds of rad per dead time.
 
     Examples
     --------
@@ -165,7 +165,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
 
 
 def _of_ratio(loop: Loop) -> tuple[Any, Any]:
-    """Return the poles of a loop without dead time by falling real part, and bounds of their errors.
+    """Return the poles of a loop without dead time, sorted by falling real part, and bounds of their errors.
 
     Notes
     -----
@@ -176,14 +176,14 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):
         return _sorted(np.array(factors.poles)), np.zeros(len(factors.poles))
-    s = np.roots(np.polyadd(num, den))  # a first approximation; `roots` might raise an error
+    s = np.roots(np.polyadd(num, den))  # a first approximation; `pidalab.roots` might raise an error
     with np.errstate(all="ignore"):
         for _ in range(ABERTH):
             value, step = _newton(s, factors)
             solved = (np.abs(1 + value) <= SOLVED * (1 + np.abs(value))) | (
                 np.abs(step) <= SOLVED * np.abs(s)
             )
-            # A zero of L that equals a pole of L is a pole of the loop. There L would be 0/0.
+            # A zero of L that equals a pole of L is a pole of the loop. At this pole L would be 0/0.
             cancelled = np.isin(s, factors.zeros) & np.isin(s, factors.poles)
             off = np.where(solved | cancelled | (s == 0), 0.0, s.size * np.abs(step))
             if not np.any(off):
@@ -206,7 +206,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if a line left of the first `last` poles has only these poles on its right (argument principle)."""
+    """Return True if no other pole lies right of a line just left of the first `last` poles (argument principle)."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
@@ -276,8 +276,8 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
-        # Far right of the axis the dead time makes `forward` negligible, and `value` is only rounding. Then the length
-        # of the step decides.
+        # Far right of the axis the dead time makes `forward` negligible, and `value` is only rounding. Then a pole
+        # is accepted if the step is short.
         still = np.abs(step) <= 1e-9 * np.abs(s)
         is_near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)

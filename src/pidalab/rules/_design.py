@@ -24,7 +24,8 @@ class Design:
     """A controller with its filters, its model and its source.
 
     Each entry of `info` is also an attribute, such as ``design.iae``. ``design.ms`` is the maximum sensitivity of the
-    loop, or infinite if the loop is unstable. An Ms that was requested is ``design.ms_asked``.
+    loop with the model, infinite if the loop is unstable. If the rule was asked for an Ms, ``design.ms_asked`` is that
+    value.
 
     Parameters
     ----------
@@ -39,9 +40,9 @@ class Design:
     source : str
         Paper and equations of the rule.
     info : mapping, optional
-        Further results of the rule by name, such as a predicted IAE.
+        Further results of the rule, such as a predicted IAE, by name.
     sources : mapping, optional
-        Sources of entries of `info`, by the same names.
+        Source of each entry of `info`, by the same name.
 
     Examples
     --------
@@ -97,7 +98,6 @@ class Design:
         Returns
         -------
         Loop
-            Loop with controller, output filter and prefilter.
 
         Raises
         ------

@@ -30,10 +30,10 @@ def simc(
               \tau_D = \tau_2
 
     The controller is in series form. The half rule keeps the lag τ_1 for PI, and τ_1 and τ_2 for PID. It adds half of
-    the largest neglected lag to the smallest kept lag. The effective dead time θ is the sum of dead time, other half,
-    all smaller lags, and time constants of zeros in the right half-plane. A zero in the left half-plane is
-    cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite lag. For a pure dead time
-    the result is an integral controller. For a double integrator it is a PID controller with
+    the largest neglected lag to the smallest kept lag. The effective dead time θ is the sum of the dead time, the other
+    half of the largest neglected lag, all smaller lags, and the time constants of zeros in the right half-plane. A zero
+    in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite
+    lag. For a pure dead time the result is an integral controller. For a double integrator it is a PID controller with
     :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     Parameters
@@ -85,7 +85,7 @@ def simc(
 
 
 def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: float = 10) -> Design:
-    r"""Design a PID controller by improved SIMC: a PI controller, and a derivative time of a third of the dead time.
+    r"""Design a PID controller by improved SIMC: SIMC settings for PI, and a third of the dead time as derivative time.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
@@ -100,23 +100,23 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     closed_loop_time : float, optional
         τ_c, above 0. By default half of the effective dead time.
     n : float, optional
-        Derivative time, divided by the time constant of its filter.
+        As for `simc`.
 
     Returns
     -------
     Design
-        Its `info` has ``gain``, ``lags`` and ``delay`` of the reduced model, and ``closed_loop_time``.
+        Its `info` is as for `simc`.
 
     Raises
     ------
     ValueError
-        As for `simc`, and for two integrators.
+        As for `simc`, or if the model has two integrators.
 
     Notes
     -----
-    The source of the rule is the abstract of Grimholt and Skogestad (2018). The paper itself was not available. The
-    default of τ_c is our choice. With this default and without filter, Ms for a lag with dead time is 1.65 to 1.73,
-    similar to `simc`.
+    The source of the rule is the abstract of Grimholt and Skogestad (2018). The paper was not available. The default of
+    τ_c is our choice. With this default and without filter, Ms for a lag with dead time is 1.65 to 1.73, similar to
+    `simc`.
 
     Examples
     --------
@@ -176,11 +176,11 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 
     Notes
     -----
-    The rule for a zero in the left half-plane depends on the effective dead time, which in turn depends on this rule.
-    Therefore the reduction is repeated until the dead time no longer changes. The result may depend on the start, which
-    the paper does not give. Here the start is `dead`, the dead time plus the time constants of zeros in the right
-    half-plane. If `dead` is 0, the start is the effective dead time of the lags alone. This choice reproduces the
-    examples of the paper. If the iteration is periodic, the longest dead time is used, which is cautious.
+    The rule for a zero in the left half-plane and the effective dead time depend on each other. Therefore the reduction
+    is repeated until the dead time no longer changes. The result may depend on the initial value, which the paper does
+    not give. Here this value is `dead`, the dead time plus the time constants of zeros in the right half-plane. If
+    `dead` is 0, it is the effective dead time of the lags alone. These values reproduce the examples of the paper. If
+    the iteration is periodic, the longest dead time is used, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -209,7 +209,7 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 def _without_leads(
     gain: float, lags: list[float], leads: list[float], integrators: int, delay: float
 ) -> tuple[float, list[float], int]:
-    """Replace each zero in the left half-plane and a lag of similar size by a gain or, in rule T3, by a shorter lag.
+    """Replace each zero in the left half-plane and a lag of similar size by a gain and, in rule T3, a shorter lag.
 
     The rules T1 to T3 are in section 2.2 of Skogestad (2003). An integrator counts as an infinite lag.
     """
@@ -235,7 +235,7 @@ def _without_leads(
 
 
 def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep: int) -> Reduced:
-    """Add half of the largest neglected lag to the smallest kept lag, and the rest to the dead time."""
+    """Add half of the largest neglected lag to the smallest kept lag, and all other neglected time to the dead time."""
     split = max(keep - integrators, 0)
     kept, neglected = lags[:split], lags[split:]
     if neglected:

@@ -6,15 +6,15 @@ reset,
 
 .. math:: N(x) = \frac{\kappa}{\tau_i} (1 + \tau_D x + \tau_A x^2)(1 + \tau_i x).
 
-The reset takes the real zero that is farthest from 0, which gives the shortest reset time. PI has one zero, and PID has
-two real zeros. PIDA has one real zero,
+The reset contains the real zero that is farthest from 0, which gives the shortest reset time. PI has one zero, and PID
+has two real zeros. PIDA has one real zero,
 
 .. math:: -\tfrac{1}{\tau_i} = y - 3, \qquad y = \sqrt[3]{5 + 2\sqrt 6} + \sqrt[3]{5 - 2\sqrt 6},
 
 and a complex pair with the real part :math:`-3 - y/2`. The reset of this PIDA is slow. PIDA_1 sets the imaginary part
 of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and the reset
-takes one of the two zeros, eqs. (27)-(29). PIDA_2 has a double zero with the time constant 1.5 τ_2. The paper found the
-gains of PPM-PIDA by a search (eq. (25)).
+contains one of the two zeros, eqs. (27)-(29). PIDA_2 has a double zero with the time constant 1.5 τ_2. The paper found
+the gains of PPM-PIDA by a search (eq. (25)).
 
 `tune` converts a `Setting`, which contains dimensionless parameters, to a controller.
 """
@@ -48,7 +48,7 @@ class Setting(NamedTuple):
     source : str
         Equations of huba2024.
     lag : float
-        τ_0 = T_0/T_d, dominant time constant of the loop. PIDA_1, PIDA_2 and PPM-PIDA have the value of MRDP-PIDA.
+        τ_0 = T_0/T_d, dominant time constant of the loop. PIDA_1, PIDA_2 and PPM-PIDA use the value of MRDP-PIDA.
     kp, kd, ka : float
         Gains of the stabilising controller: K_p K_s T_d, K_d K_s and K_a K_s / T_d.
     ti : float
@@ -109,7 +109,7 @@ def multiple_pole(m: int) -> Setting:
 
 
 def double_zero(ratio: float = 1.0) -> Setting:
-    """Return the setting of a PIDA with two equal real zeros. The reset takes one of them, eqs. (26)-(31).
+    """Return the setting of a PIDA with two equal real zeros, of which the reset contains one, eqs. (26)-(31).
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Returns
     -------
     Setting
-        Setting computed from the exact zeros, not from the printed ones.
+        Computed from the exact zeros, not from the printed ones.
 
     Raises
     ------
@@ -180,31 +180,31 @@ def tune(
         PI, PID, MRDP_PIDA, PPM_PIDA, PIDA_1 or PIDA_2 of this module (also in the dictionary SETTINGS), or the result
         of `multiple_pole` or `double_zero`.
     n : int
-        Order of the filter, at least 1 and at least that of the highest derivative.
+        Order of the filter, at least 1 for PI and PID, at least 2 for PIDA.
     filter_time : float
         Time constant of the filter, above 0.
     weight : float, optional
         N, from 0.5 (half rule) to 1 (average residence time, the default). Use 0 if the model was identified from the
         filtered output, since such a model includes the delay of the filter (sec. 3.1).
     cancelled : int, optional
-        Number of poles at -1/T_0 that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives eq. (22), which is
-        faster.
+        Number of poles at -1/T_0 that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives eq. (22), and a
+        faster response.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 
     Returns
     -------
     Design
-        Controller, Fig. 1 with eqs. (3), (4), (7) and (9), and prefilter, eq. (20). `pidalab.simulate_sampled` and
+        Controller (Fig. 1, eqs. (3), (4), (7) and (9)) and prefilter (eq. (20)). `pidalab.simulate_sampled` and
         `pidalab.portrait` apply the limits. Linear functions, such as `pidalab.margins`, ignore them. The filter is
-        part of the controller and therefore also filters the set point, which the paper neither asks for nor excludes.
+        part of the controller and therefore also filters the set point. The paper does not say whether it should.
         `info` has
 
         - ``setting``, ``n``, ``filter_time``: the arguments,
         - ``te``: the dead time that represents the filter, or 0 if the model includes the filter,
         - ``delay``: the total dead time,
         - ``kp``, ``kd``, ``ka``, ``ti``: parameters of controller and reset,
-        - ``lead``: b_1 of the prefilter.
+        - ``lead``: the coefficient b_1 of s in the numerator of the prefilter.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def tune(
     te = n * weight * filter_time
     delay = dead_time + te
     if not delay:
-        raise ValueError("model must have a dead time where weight is 0: the total dead time is 0")
+        raise ValueError("model must have a dead time if weight is 0: the total dead time is 0")
     gains = (setting.kp / (velocity * delay), setting.kd / velocity, setting.ka * delay / velocity)
     controller = SeriesPIDA(*gains, setting.ti * delay, filter_time, n, limits)
     lead = cancelled * setting.lag * delay

@@ -8,7 +8,7 @@ function                    source                                              
 ==========================  =================================================================  ===========
 `simc`                      Skogestad, Simple analytic rules for model reduction and PID       lags, also
                             controller tuning, J. Process Control 13 (2003) 291-309            integrating
-`improved_simc`             Grimholt and Skogestad, Optimal PI and PID control of first-order  the same
+`improved_simc`             Grimholt and Skogestad, Optimal PI and PID control of first-order  as `simc`
                             plus delay processes and evaluation of the original and improved
                             SIMC rules, J. Process Control 70 (2018) 36-46
 `amigo`                     Åström and Hägglund, Revisiting the Ziegler-Nichols step response  `fopdt`,
@@ -16,7 +16,7 @@ function                    source                                              
 `lambda_tuning`             Åström and Hägglund, Advanced PID Control, ISA 2006, section 6.5   `fopdt`
 `ziegler_nichols_step`      Ziegler and Nichols, Optimum settings for automatic controllers,   `fopdt`,
                             Trans. ASME 64 (1942) 759-768, process reaction curve              `ipdt`
-`ziegler_nichols_ultimate`  the same, ultimate sensitivity                                     any
+`ziegler_nichols_ultimate`  the same paper, ultimate sensitivity                               any
 `chien_hrones_reswick`      Chien, Hrones and Reswick, On the automatic control of             `fopdt`
                             generalized passive systems, Trans. ASME 74 (1952) 175-185
 ==========================  =================================================================  ===========
@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# Each triple holds kp K L/T, the integral time (ti/L for load, ti/T for setpoint) and td/L, first for PI, then for PID.
+# A triple for PI and one for PID. Each holds kp K L/T, the integral time (ti/L for load, ti/T for setpoint) and td/L.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
@@ -101,7 +101,7 @@ def amigo(model: Process, kind: str = "PID") -> Design:
 
 
 def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float | None = None) -> Design:
-    r"""Design by lambda tuning, which cancels the lag and gives the closed loop a chosen time constant.
+    r"""Design by lambda tuning, which cancels the lag and gives the closed loop a chosen time constant λ.
 
     .. math:: \text{PI: } k_p = \frac{T}{K(\lambda + L)},\; t_i = T; \qquad
               \text{PID: } k_p = \frac{T + L/2}{K(\lambda + L/2)},\; t_i = T + \frac L2,\; t_d = \frac{TL}{2T + L}
@@ -113,7 +113,7 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
     kind : {"PI", "PID"}, optional
         Kind of controller.
     closed_loop_time : float, optional
-        λ, above 0. By default the lag, which the book calls the aggressive choice.
+        λ, above 0. By default the lag, which the source calls the aggressive choice.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
     Parameters
     ----------
     model : Process
-        `fopdt` or `ipdt` with dead time above 0. The slope R of the tangent is K/T (`fopdt`) or the velocity gain
+        `fopdt` or `ipdt` with dead time above 0. The slope of the tangent is gain/lag (`fopdt`) or the velocity gain
         (`ipdt`).
     kind : {"PI", "PID"}, optional
         Kind of controller.
@@ -216,8 +216,7 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
 def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0, kind: str = "PID") -> Design:
     r"""Design by the rule of Chien, Hrones and Reswick, for the fastest response with an overshoot of 0 % or 20 %.
 
-    With :math:`a = K L/T`, the settings quoted in Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2,
-    are
+    Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2, quote these settings, with :math:`a = K L/T`:
 
     ========  =========  ========  =====  =========  =====  ======
     step      overshoot  PI: a kp  ti     PID: a kp  ti     td
@@ -251,11 +250,11 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     Notes
     -----
     The original paper was not available. An independent public program quotes all eight settings as in this table, and
-    several sources agree on the settings for the set point. Copies with more digits have ti = 1.16 T (set point 0 %,
+    several sources agree on the settings for the set point. Sources with more digits give ti = 1.16 T (set point 0 %,
     PI), ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %, PID).
 
-    The authors used an analogue computer. Exact simulation of a lag with dead time, with a filter of td/10 and T/L from
-    4 to 50, gives the following overshoots (for load steps in per cent of the largest deviation):
+    The authors used an analogue computer. We simulated a lag with dead time exactly, for T/L from 4 to 50 and a filter
+    time constant of td/10. The overshoots (for load steps in per cent of the largest deviation) are
 
     ========  =========  ============  ============
     step      overshoot  PI            PID

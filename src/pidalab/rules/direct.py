@@ -3,7 +3,7 @@
 Symbols, controllers and range of models are the same as in `itae`, but the results are closer to the least ITAE. For
 set-point steps, the zeros of most of the best controllers cancel the poles of the model. For overdamped models with
 long dead time, cancelling the poles raises the ITAE by up to 11 %. The formulas for load steps are fitted to
-controllers with Ms of at most 2. The chapter on heo2023 compares these rules with the optima and with other rules.
+controllers with Ms of at most 2.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     acceleration time, :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`, compensate the derivative filter.
 
     The constants are fitted to the optima for 80 models of the range, with the default filters. The table shows by how
-    much the ITAE exceeds the least (the average is a geometric mean):
+    much the ITAE exceeds the least ITAE (the average is a geometric mean):
 
     ========================================================  =======  =======
     rule                                                      average  largest
@@ -41,10 +41,10 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     ========================================================  =======  =======
 
     Ms is 1.76 to 2.21. With twice the default `alpha_d` and `alpha_a` it is up to 2.3, and with four times the default
-    up to 3.4. So check `pidalab.margins` for slower filters.
+    up to 3.4. Check `pidalab.margins` if the filters are slower.
 
-    These numbers apply if the process equals the model. In the three examples of the paper it does not. There the ITAE
-    is 38 % and 10 % above and 26 % below the ITAE with Table 1, and 1.8 to 4.5 times the least ITAE for the process
+    These numbers apply if the process equals the model. In the paper's three examples it does not, and the ITAE is 38 %
+    larger, 10 % larger and 26 % smaller than with Table 1. It is 1.8 to 4.5 times the least ITAE for the process
     itself.
 
     Parameters
@@ -91,12 +91,12 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
 
     The constants are fitted to the optima with Ms ≤ 2 for 42 of the 80 models of a grid, with the default filters. On
     this grid the ITAE exceeds the least ITAE for Ms ≤ 2 by 9 % on average (geometric mean) and at most 34 %. On 40
-    other models it exceeds the least by 9 % and at most 29 %. Ms is 1.66 to 2.02. If Ms is not bounded, the least ITAE
-    is on average 37 % of the least ITAE for Ms ≤ 2, but Ms is up to 7.3.
+    other models the excess is 9 % on average and at most 29 %. Ms is 1.66 to 2.02. Without a limit on Ms, the least
+    ITAE is on average only 37 % of the least ITAE for Ms ≤ 2, but Ms is up to 7.3.
 
     With the rule of the paper (Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models the paper's
-    rule has a smaller ITAE than `load`, but Ms is 2.09 or more. In the paper's three examples the ITAE of the paper's
-    rule is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
+    rule gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples the ITAE of the
+    paper's rule is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def tune(model: Process, test: str = "setpoint", alpha_d: float = 0.05, alpha_a:
     Parameters
     ----------
     model : Process
-        `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
+        As for `setpoint`.
     test : {"setpoint", "load"}, optional
         Kind of step for which the controller is designed.
     alpha_d, alpha_a : float, optional

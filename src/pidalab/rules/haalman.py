@@ -26,11 +26,11 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     """Design a PIDA controller for a third-order model with dead time.
 
     The integral, derivative and acceleration times cancel the poles of the model, eq. (8): ``ti = a1``, ``td = a2/a1``,
-    ``ta = a3/a1``. The gain is the smallest for which the loop of model and filtered controller, eq. (2), has the
-    maximum sensitivity `ms`. This loop does not contain the output filter (9).
+    ``ta = a3/a1``. The gain gives the loop of model and filtered controller, eq. (2), the maximum sensitivity `ms` (see
+    `pidalab.gain_for_ms`). This loop does not contain the output filter of eq. (9).
 
-    Use `output_filter` or a prefilter of the set point. With neither of them, a unit step of the set point moves the
-    control signal to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
+    Use `output_filter` or a prefilter of the set point. Otherwise a unit step of the set point moves the control signal
+    to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def tune(
     kind : {"PIDA", "PID", "PI"}, optional
         Type of controller.
     n, m : float, optional
-        Filter ratios of the derivative and of the acceleration, as in `pida`.
+        As for `pida`.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def tune(
     Raises
     ------
     TypeError, ValueError
-        As for `pida` and `output_filter`, and if the kind is unknown or a three-point model does not match its record.
+        As for `pida` and `output_filter`. Also if the kind is unknown or a three-point model does not match its record.
 
     Examples
     --------
@@ -234,12 +234,12 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     model : Process
         The model.
     controller : PIDA
-        The controller. With acceleration the filter is of second order, otherwise of first order.
+        The controller. If it has acceleration, the filter is of second order, otherwise of first order.
 
     Returns
     -------
     OutputFilter
-        Time constant ``0.05/wgc``, order, and ``wgc``. A `Loop` accepts it as a block.
+        Time constant ``0.05/wgc``, order, and gain crossover frequency ``wgc``. A `Loop` accepts the filter as a block.
 
     Raises
     ------
@@ -263,7 +263,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
 
 def _trusted(model: Process | ThreePointModel) -> Process:
-    """Return the process of a three-point model that matches its record. Return any other model unchanged."""
+    """Return the process of a three-point model, or raise if it does not match its record. Return others unchanged."""
     if isinstance(model, Process) or not hasattr(model, "excess_gain"):
         return model  # type: ignore[return-value]
     from pidalab.identification.experiments import MOST_EXCESS_GAIN

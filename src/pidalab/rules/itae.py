@@ -1,25 +1,25 @@
 r"""Explicit ITAE tuning of PID and PIDA controllers for a second-order model with dead time (heo2023).
 
 The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` is
-:math:`\theta/\tau`. All functions except `imc_pid` raise a ValueError if the model has another structure, or is outside
-0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following formulas
-differ from the paper as we read it, since either the print or our reading is wrong:
+:math:`\theta/\tau`. All functions except `imc_pid` need a `sopdt` with 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2, and otherwise raise
+a ValueError. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following formulas differ from
+the paper as we read it. Either the print or our reading is wrong:
 
 * Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. For a
   short dead time Table 2 then gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
 * Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left side, gives the integral time for r > 1.
   It continues the formula for r ≤ 1, with a jump of 1.4 %.
 * Table 3: both exponentials have a negative argument, as in Table 2.
-* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the gain jumps by 0.003. At ξ = 0.9
-  the gain would jump by 29 for r = 0.1, and it would have the wrong sign for ξ = 0.3 and r = 2.
+* Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the gain jumps by 0.003. With a change
+  at ξ = 0.9 it would jump by 29 for r = 0.1, and have the wrong sign for ξ = 0.3 and r = 2.
 * Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The printed tunings require the first, third and last correction, but test no other. All constants are as printed. The
-largest jump between two branches of a formula is 13 %, in the gain of Table 2 at ξ = 0.9 for r = 2.
+The printed tunings confirm the first, third and last correction, but do not test the others. All constants are as
+printed. The largest jump between two branches of a formula is 13 %, in the gain of Table 2 at ξ = 0.9 for r = 2.
 
-`setpoint_factors` and `load_factors` return f_d and f_a from our own fits. Even with these factors the ITAE stays well
-above the least. The module `direct` does not use the tables and comes closer.
+`setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits. Even with these factors the ITAE
+stays well above the least possible. The rules of the module `direct`, which use no tables, come closer to it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def pid_setpoint(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
        \tau_i/\tau &= \begin{cases} (2.055 + 0.072\,r)\,\xi & r \le 1 \\ (1.768 + 0.329\,r)\,\xi & r > 1 \end{cases} \\
        \tau/\tau_d &= \left(1 - e^{-r^{1.06}\xi/0.87}\right)\left(0.55 + 1.683\,r^{-1.09}\right)
 
-    The left side of the last formula, and of the integral time for r > 1, is corrected (see the top of this module).
+    The left sides of the last formula and of the integral time for r > 1 are corrected (see the top of this module).
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
        \tau/\tau_d &= -1.9 + 1.576\,r^{-0.53} + \left(1 - e^{-\xi/(-0.15 + 0.939\,r^{-1.121})}\right)
                       \left(1.45 + 0.969\,r^{-1.171}\right)
 
-    Three things are corrected (see the top of this module): where the formula of the gain changes, the sign in both
-    exponentials, and the left side of the last formula. The constant 2.2122, as we read it, has one digit more than the
+    Three things are corrected (see the top of this module): the conditions of the gain formula, the sign in both
+    exponentials, and the left side of the last formula. We read the constant 2.2122 with one digit more than the
     others. No printed tuning distinguishes it from 2.212.
 
     Parameters
@@ -152,8 +152,8 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The ratio r of the changed model may be as small as 0.057. This is outside the range of the table, but the paper
-    uses the table there, too. The last formula is corrected (see the top of this module).
+    The ratio r of the changed model may be as small as 0.057. Like the paper, we use the table outside its range. The
+    last formula is corrected (see the top of this module).
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def pida_setpoint(
     ------
     TypeError, ValueError
         If the model is out of range, if the factors are not two numbers, if f_a is below 0, if the changed model has no
-        dead time or no time constant, or if the table gives a value for it that is not positive.
+        dead time or no time constant, or if a setting from the table is not positive.
 
     Examples
     --------
@@ -280,9 +280,9 @@ def setpoint_factors(model: Process) -> Factors:
        && \xi > 0.9
 
     with :math:`\ell = \ln r` and :math:`x = \ln \xi`. On 40 models that were not used in the fit, the ratio ITAE /
-    (least ITAE of any PIDA controller of this form) is on average 1.68 (geometric mean) and at most 2.52. With Table 1
-    it is 1.74 and at most 3.25. Ms is at most 2.5, but up to 2.9 for ξ just above 0.9 with r near 2. `direct.setpoint`
-    is much closer to the least ITAE.
+    (least ITAE of any PIDA controller of this form) is on average 1.68 (geometric mean) and at most 2.52. With the
+    factors of Table 1 the average is 1.74, the largest 3.25. Ms is at most 2.5, except for ξ just above 0.9 with r near
+    2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
 
     Parameters
     ----------
@@ -320,8 +320,8 @@ def load_factors(model: Process) -> Factors:
 
     Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust: it is stable for
     all models of the range, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least ITAE
-    of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 seven of
-    these loops are unstable. `direct.load` is closer to the least ITAE.
+    of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 the loop is
+    unstable for seven of the models. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------

@@ -9,11 +9,11 @@ are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 condi
 
 eqs. (15) and (16). The areas include the filter, and areas with a negative index are 0. The last condition contains
 :math:`A_{2m+3}`, so 2m + 4 areas are needed. The system is solved in exact fractions, because its condition number
-grows more than a hundredfold if m rises by 1. It is singular if the controller could cancel every pole of process and
-filter, since the gains are then unbounded.
+grows more than a hundredfold if m rises by 1. If the controller could cancel every pole of process and filter, the
+gains are unbounded and the system is singular.
 
 The conditions do not ensure stability. If the delay dominates or the process oscillates, the loop is unstable for some
-m. If the model is a `Process`, `tune` and the functions that call it then raise an error.
+m.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     model : Process, MeasuredAreas or array_like, shape (at least 2m + 4,)
         A stable process, or its areas without the filter.
     m : int
-        Order of the highest derivative, at least 0. 0 is PI, 1 is PID, 2 is PIDA.
+        Order of the highest derivative, at least 0 (0 is PI, 1 is PID, 2 is PIDA).
     n : int
         Order of the filter, at least m.
     filter_time : float
@@ -114,15 +114,15 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
         - ``static_gain``: A_0 of the process,
         - ``ie``: the integral of the error after a unit step of the filtered set point, :math:`1/(A_0 K_{-1})`,
           eq. (37),
-        - ``uncertainty``: the standard uncertainty of each gain, in the unit of the gain. It follows from the
-          uncertainty of measured areas, and is 0 otherwise.
+        - ``uncertainty``: the standard uncertainty of each gain, in the unit of the gain. It is 0 if the areas were not
+          measured.
 
     Raises
     ------
     TypeError, ValueError
-        If an order or the filter is out of its range; if the process is integrating, unstable, without static gain, or
+        If an order or the filter is out of its range; if the process is integrating or unstable, has no static gain, or
         gives an unstable loop; if there are too few areas; or if the system is singular or too ill-conditioned. For
-        measured areas also if the uncertainty of a gain is as large as the gain, or if the integral gain has the wrong
+        measured areas, also if the uncertainty of a gain is as large as the gain, or if the integral gain has the wrong
         sign.
 
     Notes
@@ -174,7 +174,7 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     Parameters
     ----------
     gain : float
-        K_m, not 0.
+        K_m, gain of the highest derivative, not 0.
     m, n : int
         Orders. n must be at least m and at least 1.
     noise_gain : float
@@ -247,14 +247,14 @@ def tune_for_noise(
     Raises
     ------
     TypeError, ValueError
-        As for `tune` and `filter_time`, and if the filter time does not settle. For n = m this happens if no filter
+        As for `tune` and `filter_time`, and if the filter time does not converge. For n = m this happens if no filter
         gives so small a noise gain.
 
     Notes
     -----
-    With the initial value and the four updates of Fig. 5, 69 of the 70 filter times and gains in Tables 3 to 5, and all
-    18 in Table 6, agree with the paper within a unit of the last digit. With the default number of updates, values
-    differ by up to four units of the last digit in the rows that settle slowly (n = m, and m = 4).
+    With the initial value and the four updates of Fig. 5, filter times and gains agree with the paper within a unit of
+    the last digit: 69 of 70 in Tables 3 to 5, and all 18 in Table 6. With the default number of updates, they differ by
+    up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -284,18 +284,19 @@ def tune_for_noise(
 def tune_for_filter_noise(
     model: Process | MeasuredAreas | ArrayLike, m: int, n: int, noise_gain: float, sample_time: float
 ) -> Design:
-    r"""Design for a noise gain of the controller alone, computed with eqs. (21) and (35) instead of estimate (32).
+    r"""Design for a noise gain of the controller alone, computed with eqs. (21) and (35) instead of the estimate (32).
 
-    The noise is white and held for a sample. At high frequencies the gain of the process is small, so the loop is
-    neglected. The transfer function from the noise to the control signal is then about
+    The noise is white and constant during each sample. At high frequencies the gain of the process is small, so the
+    loop is neglected. The transfer function from the noise to the control signal is then about
 
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
-    (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of its sampled form, without the
-    asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result that differs by a few per cent
-    if the filter is not much faster than the loop.
+    (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form of this transfer
+    function, without the asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result that
+    differs by a few per cent if the filter is not much faster than the loop.
 
-    For n above m + 1 the estimate (32) uses as little as a third of the allowed noise gain (column σ_rel of Table 4).
+    For n above m + 1, the estimate of eq. (32) may lead to only a third of the requested noise gain (column σ_rel of
+    Table 4).
 
     Parameters
     ----------
@@ -313,8 +314,8 @@ def tune_for_filter_noise(
     Raises
     ------
     TypeError, ValueError
-        As for `tune`, and if no filter time gives this noise gain. The search covers a factor of e^10 around the
-        default initial value of `tune_for_noise`.
+        As for `tune`, and if no filter time gives this noise gain. The search starts from the default initial value of
+        `tune_for_noise` and changes it by at most a factor of e^10.
 
     Examples
     --------
@@ -380,7 +381,7 @@ def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
     if verdict:
         raise ValueError(
             f"the loop of PID_{n}^{m} with T_F = {filter_time:.4g} and {loop.process!r} {verdict}; take a lower m "
-            "or a longer filter (areas as model give the gains anyway)"
+            "or a longer filter (to get the gains anyway, give areas as model)"
         )
 
 
@@ -408,7 +409,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
-    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be taken for areas
+    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be read as areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
@@ -446,13 +447,13 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
 
 
 def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
-    """Return the relative change of each gain by a step of each area, shape (m + 2, 2m + 4), or inf if singular."""
+    """Return the relative change of each gain for a change `steps` of each area, shape (m + 2, 2m + 4), or inf."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
     largest = [max(map(abs, row)) for row in scaled]
     matrix = np.array([[float(x / unit) for x in row] for row, unit in zip(scaled, largest, strict=True)])
-    moved = np.zeros((size, len(areas)))  # change of each condition by the step of each area
+    moved = np.zeros((size, len(areas)))  # change of each condition for the step of each area
     for r in range(size):
         for c in range(min(size, 2 * r + 2)):
             k = 2 * r + 1 - c
@@ -469,7 +470,7 @@ def _require_digits(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> Non
     error = float(np.max(changes.sum(axis=1))) * np.finfo(float).eps / 2
     if not error < LOST:
         raise ValueError(
-            f"the areas leave the gains for m = {m} ill-conditioned: rounding may change one by {100 * error:.2g} %, "
+            f"the areas leave the gains for m = {m} ill-conditioned: rounding may change gains by {100 * error:.2g} %, "
             f"and {100 * LOST:g} % is allowed; take a lower m or a higher n"
         )
 

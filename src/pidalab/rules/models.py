@@ -25,7 +25,7 @@ class SecondOrder(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        return round(self.delay / self.tau, 12)  # without rounding, 0.3/3 would miss the break point 0.1
+        return round(self.delay / self.tau, 12)  # without rounding, 0.3/3 would be below 0.1
 
 
 def lags(model: Process, order: int) -> tuple[float, list[float]]:
@@ -76,7 +76,7 @@ def integrator(model: Process) -> tuple[float, float]:
 
 
 class StartingModels:
-    """Models of one process. Each is computed on first use. If a model does not exist, a ValueError says why."""
+    """Models of one process, each computed on first use. If a model does not exist, a ValueError says why."""
 
     def __init__(self, process: Process) -> None:
         self.process = process
@@ -122,7 +122,7 @@ class StartingModels:
 
         itself = len(self.process.den) == 2 and self.process.den[-1] == 0
         if not itself and np.any(roots(self.process.den).real > 0):
-            raise ValueError("process must not be unstable: the integrator is read from its step response")
+            raise ValueError("process must not be unstable: the rule's model comes from its step response")
         if itself:
             return self.process
         # Leave out the largest lag, which hardly affects the initial slope.
@@ -132,7 +132,7 @@ class StartingModels:
 
     @cached_property
     def _undelayed(self) -> Process:
-        """The process without its dead time. The dead time only shifts the response and would coarsen the grid."""
+        """The process without its dead time, which only shifts the response and would coarsen the grid."""
         return Process(self.process.num, self.process.den)
 
     @staticmethod

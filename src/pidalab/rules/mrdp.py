@@ -10,8 +10,8 @@ which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
-The sums of the Taylor polynomial telescope. With :math:`a = -x_o` and the truncated exponential
-:math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of :math:`x^j` in N is
+With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of
+:math:`x^j` in N is
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
@@ -52,7 +52,7 @@ class Constants(NamedTuple):
 
     @property
     def numerator(self) -> list[float]:
-        """Coefficients of N(x) in descending powers. The loop without filter has the poles x^2 e^x + N(x) = 0, eq. (4).
+        """Coefficients of N(x), highest power first. By eq. (4), the poles without filter solve x^2 e^x + N(x) = 0.
 
         Returns
         -------
@@ -77,7 +77,7 @@ def constants(m: int) -> Constants:
     Parameters
     ----------
     m : int
-        Order of the highest derivative, at least 0. 0 is PI, 1 is PID, 2 is PIDA.
+        Order of the highest derivative, at least 0 (0 is PI, 1 is PID, 2 is PIDA).
 
     Returns
     -------
@@ -114,8 +114,8 @@ def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
     The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
-    either of them. For n = m the loop with the filter has no such pole. The rule then uses -1/T_f, the pole of the
-    filter, which eq. (9) gives.
+    either of them. For n = m the loop with the filter has no such pole, and eq. (9) gives the pole of the filter,
+    -1/T_f, instead.
 
     Parameters
     ----------
@@ -210,7 +210,8 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     n : int
         Order of the filter, at least m. 0 gives a PI controller without filter.
     te : float
-        Dead time that represents the filter, above 0. A larger value gives less noise and a slower loop. 0 if ``n=0``.
+        Dead time that represents the filter, above 0 (with ``n=0`` it must be 0). A larger value gives less noise and a
+        slower loop.
     cancelled : int, optional
         Number of dominant poles that the prefilter cancels, from 1 to m + 1 (the default).
 
@@ -227,7 +228,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         - ``weights``: b_0, b_1, ... of the prefilter,
         - ``ie``: the integral of the error after a unit step of the set point (the IAE if the error does not change its
           sign),
-        - ``smallest_te``: the result of `smallest_te` times the dead time.
+        - ``smallest_te``: the result of the function `smallest_te`, times the dead time.
 
     Raises
     ------
@@ -319,8 +320,8 @@ def smallest_te(m: int, n: int) -> float:
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
-    and near this maximum the phase of the dead time passes through all values. So, roughly, the loop is stable if the
-    maximum is below 1. The function starts from this estimate and bisects with the argument principle.
+    and near this maximum the phase of the dead time passes through all values. So the loop is stable if the maximum is
+    below about 1. The function starts from this estimate and bisects, testing stability by the argument principle.
 
     Parameters
     ----------
@@ -332,7 +333,7 @@ def smallest_te(m: int, n: int) -> float:
     Returns
     -------
     float
-        The ratio to at least 6 digits. 0 for m = 0 and m = 1.
+        The ratio to at least 6 digits, or 0 for m = 0 and m = 1.
 
     Raises
     ------

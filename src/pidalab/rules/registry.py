@@ -6,7 +6,8 @@
 model            definition
 ===============  =====================================================================================================
 `process`        the process itself
-`reaction`       lag, dead time from the steepest tangent and 63 % of the step response; `integrator` if it integrates
+`reaction`       lag with dead time, from the steepest tangent and 63 % of the step response. If the process
+                 integrates, `integrator`.
 `first_order`    `reduction.to_fopdt`
 `second_order`   `reduction.to_sopdt`
 `third_order`    `identification.three_point` of the step response
@@ -90,7 +91,7 @@ class Rule:
         kind : str
             One of `kinds`.
         requirements : Requirements, optional
-            Ms, or the noise gain with its sample time. The rule ignores requirements that it does not support.
+            A rule uses Ms, or the noise gain with its sample time, or none of them.
 
         Returns
         -------
@@ -99,7 +100,7 @@ class Rule:
         Raises
         ------
         ValueError
-            If the rule does not design this kind, or if its function refuses the model.
+            If the rule does not design this kind, or refuses the model.
 
         Examples
         --------
@@ -123,7 +124,7 @@ def find(name: str, *others: str) -> Rule:
     name : str
         Name or short name of a rule.
     *others : str
-        Further words that the error message lists.
+        Further names that the error message lists.
 
     Returns
     -------
@@ -177,7 +178,7 @@ def _direct(test: str) -> Rule:
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
     """Design with the shortest filter time that meets the noise limit and is at least the sample time.
 
-    Without a noise limit T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the sum of lags and dead time.
+    Without a noise limit the filter time T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the sum of lags and dead time.
     """
     m, noise_gain, sample_time = ORDER[kind], limits.noise_gain, limits.sample_time
     if noise_gain is None or sample_time is None:

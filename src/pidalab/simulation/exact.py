@@ -1,10 +1,10 @@
 r"""Simulate linear loops with dead time exactly.
 
-A loop that is opened at its dead time h has the equations x' = A x + b w, v = c_v x + d_v w and w(t) = v(t - h).
-Usually one signal is delayed. With a filter that is very much faster than the plant, three signals are delayed, and
-matrices replace b, c_v and d_v. Stack the present and the past states, (x(t), x(t - h), x(t - 2h), ...). Between
-multiples of h this stack obeys an ordinary linear differential equation, whose matrix is block Toeplitz, that is, a
-power series in the shift z = e^{-hs}:
+A loop that is opened at its dead time h has the equations x' = A x + b w, v = c_v x + d_v w and w(t) = v(t - h), where
+v is the process input and w the delayed process input. Usually one signal is delayed. With a filter that is very much
+faster than the plant, three signals are delayed, and matrices replace b, c_v and d_v. Stack the present and the past
+states, (x(t), x(t - h), x(t - 2h), ...). Between multiples of h this stack obeys an ordinary linear differential
+equation. Its matrix is block Toeplitz and is written as a power series in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
@@ -14,8 +14,7 @@ This equation is exact if no multiple of h lies strictly between t and t + tau. 
 1. Compute the powers :math:`e^{\mathcal A(z)\tau} - 1` for tau = step * 2^p by squaring (see
    `pidalab.simulation.ring`).
 2. Compute the states at the multiples of h, one after the other.
-3. Advance the stack from each multiple of h to the next requested time, by powers, and by a Taylor series over the rest
-   of the time.
+3. Advance the stack from each multiple of h to the next requested time by a short Taylor series and then by powers.
 4. Compute the outputs at several successive requested times at once, as a product of a stack and a matrix.
 """
 
@@ -39,24 +38,24 @@ from pidalab.signals import REFINEMENT, apply_to_finer
 from pidalab.simulation.ladder import ManyDeadTimes, norm_over, responses
 from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 
-# A response is checked if the dead time and the simulated time both exceed this number of time constants of the fastest
-# state, since digits may then cancel. Without dead time, only the simulated time counts.
+# If the dead time and the simulated time both exceed this number of time constants of the fastest state, digits may
+# cancel, so the response is checked. Without dead time, only the simulated time counts.
 CHECKED_FROM = 3e3
-# Units of time and of u. A response is computed again in one of them after the other, until it is clearly accepted or
+# Units of time and of u in which a response is computed again, one after the other, until it is clearly accepted or
 # rejected.
 OTHER_UNITS = (1.3, 0.6, 2.2)
-FEWEST_COMPARED = 64  # least number of time steps at which two responses are compared
+FEWEST_COMPARED = 64  # two responses are compared at this number of time steps or more
 DENSE = 10_000  # before a response is rejected, its largest value is sought at this many times or more
 # Allowed difference of two responses, divided by the largest value of the signal.
 AGREEMENT = 1e-10
-# If the relative difference of the first two responses is below CERTAIN, no third response is needed, since equal
-# errors are unlikely.
+# If the relative difference of the first two responses is below CERTAIN, no third response is needed, since two
+# computations are unlikely to have the same error.
 CERTAIN = 1e-12
-# A kick is a short, very large signal of a fast state. This is the allowed difference, divided by the largest value
-# outside kicks or by the largest value at the requested times.
+# A kick is a short, very large signal of a fast state. OUTSIDE_KICKS is the allowed difference of two responses,
+# divided by the largest value outside kicks or by the largest value at the requested times.
 OUTSIDE_KICKS = 1e-6
 KICK_DURATION = 60.0  # a kick lasts this number of time constants of its fast state
-# After this number of time constants of the fastest state, rounding a time to 1e-16 of its value is too coarse to
+# After this number of time constants of the fastest state, times are rounded too coarsely (to 1e-16 of their value) to
 # resolve a kick.
 KICK_UNRESOLVED = 1e5
 
@@ -66,7 +65,7 @@ AGREED: WeakKeyDictionary[Loop, set[tuple[str, int, float]]] = WeakKeyDictionary
 
 
 def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
-    """Compute and check y, its running integral and u at n times from 0, for a unit step on each input.
+    """Compute y, its running integral and u at n times from 0, for a unit step on each input, and check them.
 
     The shape of the result is (inputs, 3, n).
 
@@ -78,8 +77,8 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     Notes
     -----
     The number of digits that cancel does not follow from the speeds of a loop. So the response of a stiff loop is
-    computed again in other units. The ratio of the units is not a power of 2, and the shortest power of the ring spans
-    half as much time as before, so that all numbers are rounded differently. If both responses agree to ten digits,
+    computed again in other units. The ratio of the units is not a power of 2, and the shortest power spans half as much
+    time as in the first computation, so all numbers are rounded differently. If both responses agree to ten digits,
     each has lost at most about six of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
@@ -111,12 +110,12 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
 def _require_agreement(
     loop: Loop, inputs: str, cut: Cut, norm: float, values: Array, step: float, finer: int
 ) -> None:
-    """Raise an error if responses in other units differ. Every `finer`-th of the times in `values` was requested."""
+    """Raise an error if responses in other units differ. Only every `finer`-th time in `values` was requested."""
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
-    # If `finer` is 1, all times are requested. Otherwise `every` is 1, so the compared times include the requested
-    # ones.
+    # If `finer` is 1, all times are requested. Otherwise `every` is 1, so the compared times include all requested
+    # times.
     shown = _sizes(cut, values[:, :, ::finer], step * finer, every) if finer > 1 else size
     uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:
@@ -139,17 +138,17 @@ def _require_agreement(
     if share.max() <= allowed:
         return
     where = " at the requested times" if hidden else ""
-    remedy = "much larger values lie between them; request more times, or shorten t"
+    remedy = "much larger values lie between these times; request more times, or shorten t"
     if not hidden:
         fastest = 1 / np.max(_speeds(cut))
         remedy = (
-            f"the fastest filter or lag of the loop has a time constant of {fastest:.3g}, too short for the others; "
+            f"the loop's fastest filter or lag has a time constant of {fastest:.3g}, much shorter than the others; "
             "take a longer time constant, or leave the filter or lag out"
         )
     _, signal = np.unravel_index(np.argmax(share), share.shape)
     raise ValueError(
-        f"rounding leaves {min(1.0, share.max()):.1g} of the largest value of "
-        f"{('y', 'the integral of y', 'u')[signal]}{where} uncertain, and {allowed:.0e} is allowed: {remedy}"
+        f"rounding makes {('y', 'the integral of y', 'u')[signal]} uncertain by "
+        f"{min(1.0, share.max()):.1g} of its largest value{where}, and {allowed:.0e} is allowed: {remedy}"
     )
 
 
@@ -164,15 +163,15 @@ def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -
 
 
 def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
-    """Return the sizes with which differences are compared, at each `every`-th time: (inputs, 3, times).
+    """Return the sizes by which differences are divided, at each `every`-th time: (inputs, 3, times).
 
     Notes
     -----
-    The size at a time is the largest value of the signal from t = 0 until one dead time after this time. So a growing
-    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros.
-    Compared with a kick of 1e13, every later difference would be negligible. So values outside kicks are also compared
-    with the largest value outside kicks, to fewer digits. Times within the fastest kick after a multiple of the dead
-    time are not compared, because there the rounding of the time alone changes the value.
+    The size at a time is the largest value of the signal from t = 0 to one dead time later. So a growing response must
+    be exact from the start, but a response that begins with zeros need not be exact at the zeros. Compared with a kick
+    of 1e13, every later difference would be negligible. So differences outside kicks are also compared with the largest
+    value outside kicks, with a larger tolerance. After `KICK_UNRESOLVED` time constants, values during the fastest
+    kick, just after a multiple of the dead time, are not compared, because the rounding of the time alone changes them.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -213,7 +212,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     ------
     ValueError
         If the loop is ill-posed, if the response of an unstable loop overflows, or if the times span too many dead
-        times. Few dead times are allowed if \\|L\\| is near 1 or above at infinite frequency, since the response then
+        times. If \\|L\\| is near 1 or above at infinite frequency, fewer dead times are allowed, since the response
         depends on all of them.
 
     Examples
@@ -275,7 +274,7 @@ def simulate(
 def simulate_ensemble(
     loop: Loop, t: ArrayLike, noise: ArrayLike, *, setpoint: ArrayLike = 0.0, load: ArrayLike = 0.0
 ) -> list[Response]:
-    """Simulate an experiment with several records of noise. This takes little more time than with one record.
+    """Simulate an experiment with several records of noise, in little more time than with a single record.
 
     Parameters
     ----------
@@ -487,8 +486,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. It is doubled until it is longer than twice the dead time and the error
-        has decayed.
+        End of the first simulation, above 0. It is doubled until it exceeds twice the dead time, and then until the
+        error has decayed.
 
     Returns
     -------

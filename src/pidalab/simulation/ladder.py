@@ -1,7 +1,7 @@
 """Compute step responses of a loop with dead time, one dead time after the other (see `pidalab.simulation.exact`).
 
-A *stack* of m ages is a row of m states at distances of one dead time, with the present state last. The *age* of a
-state is its distance from the present in dead times. A *power* is the matrix exponential of the loop, minus the unit
+A *stack* of m ages is a row of m states, one dead time apart, with the present state last. The *age* of a state is the
+number of dead times by which it precedes the present. A *power* is the matrix exponential of the loop, minus the unit
 matrix, for a time of step * 2^p. Here `step` is the time between requested times, p is an integer, and ``powers[i]``
 has p = low + i. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the number of
 ages that it reads.
@@ -14,14 +14,14 @@ that the outputs read, plus R - 1 for each power that is still to be applied. St
 because they are 0. This truncation adds no error.
 
 *Error bound.* If one power of reach R were applied r times, the stack would need r (R - 1) more ages. Instead, one
-higher power is applied for each binary digit 1 of r. Together these powers have the same effect with a smaller total
-reach, because the last coefficients of each power are dropped (see `ring.shortened`). The oldest states of the stack
-lack the terms of the dropped coefficients, so only these states are inexact. In the same way, an output ignores its
-oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output. In the
+higher power is applied for each binary digit 1 of r. Together the higher powers have the same effect with a smaller
+total reach, because the last coefficients of each power are dropped (see `ring.shortened`). The oldest states of the
+stack lack the terms of the dropped coefficients, so only these states are inexact. In the same way, an output ignores
+its oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output. In the
 balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of powers, the
 largest coefficient of a power, the gain of the other powers that are applied, and the largest old state. This bound is
-far below rounding unless coefficients or states are 1e10 times as large as the requested values. In that case rounding
-errors are larger still. `checked_responses` detects rounding errors by a second computation in other units. It cannot
+far below rounding if no coefficient or state is 1e10 times as large as the requested values. If one is, rounding errors
+are larger than the bound. `checked_responses` detects rounding errors by a second computation in other units. It cannot
 detect truncation, because both computations are truncated equally.
 """
 
@@ -51,10 +51,10 @@ MAX_STACK = 4000  # largest number of state variables in a stack
 MAX_WORK = 4e9  # largest number of multiplications; this number takes a few seconds
 MAX_ANCHORS = 1e7  # largest number of state variables at all multiples of the dead time together
 LONGEST_RUN = 8  # usually at most 2**8 requested times are read from one stack
-# When a stack is advanced, one Taylor series replaces the SERIES lowest powers, because it is faster. The terms of the
-# series are at most e^4 times the states, so that rounding costs less than two digits.
+# When a stack is advanced, one Taylor series replaces the SERIES lowest powers, because the series is faster. The terms
+# of the series are at most e^4 times the states, so that rounding costs less than two digits.
 SERIES = 3
-# Number of multiples of the dead time for which derivatives are stored, in addition to those that a stack reads.
+# Derivatives are stored for this number of multiples of the dead time, in addition to the multiples that a stack reads.
 KEPT_INTERVALS = 64
 DONE, TOO_DEEP, TOO_LARGE, TOO_MANY = range(4)
 
@@ -150,7 +150,7 @@ def _responses(cut, step, n, intervals, norm):
     run_bits = 0
     while run_bits < LONGEST_RUN and 2.0 * 4.0**run_bits <= n / 3.0 + 1.0:
         run_bits += 1
-    # The highest power spans a run or, with dead time, at most one dead time.
+    # Without dead time the highest power spans a run. With dead time it spans at most one dead time.
     top = run_bits
     if delay > 0.0:
         top = 0
@@ -179,7 +179,8 @@ def _responses(cut, step, n, intervals, norm):
         if element.shape[1] == most * size and most < intervals + 1:
             return result, most, TOO_DEEP
 
-    # Each state at a multiple of the dead time contributes to the later states within the reach of `across`.
+    # `across` advances a state by one dead time. Each state contributes to the later states within the reach of
+    # `across`.
     states = np.zeros((inputs, (intervals + 1) * size))
     for i in range(inputs):
         for j in range(size):

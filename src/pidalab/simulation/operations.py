@@ -33,7 +33,7 @@ OPERATION_CODES: dict[type, int] = {
     ast.Or: ADD,  # the operands of "or" in a program are never both true
 }
 FOR_OTHERS = ("at_limit",)  # outputs that no later step reads
-PARSING = threading.Lock()  # Python 3.11 has one counter of the nesting of syntax trees for all threads
+PARSING = threading.Lock()  # Python 3.11 counts the nesting of syntax trees in one counter for all threads
 
 
 class Operations(NamedTuple):
@@ -103,8 +103,8 @@ class _Compiler:
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # The last operation may write to the target directly, unless it also reads the target. In that case loops
-            # that run in parallel would not be independent.
+            # Let the last operation write to the target directly if it does not also read the target. If it did,
+            # parallel loops would not be independent.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])

@@ -114,7 +114,7 @@ def _differing(base: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[st
 def _coefficients(loop: Loop, prefilter: tuple[Any, Any]) -> tuple[list[Array], list[Array]]:
     """Check the coefficients of the given prefilters, and return numerator and denominator."""
     if loop.prefilter is not None:
-        raise ValueError(f"prefilter must be given once, but the loop has one already, {loop.prefilter!r}")
+        raise ValueError(f"prefilter must be None, since the loop already has one, {loop.prefilter!r}")
     # Check the type first, because iterating over a transfer function raises an unclear error.
     two = isinstance(prefilter, (tuple, list)) and len(prefilter) == 2
     if not (two and all(map(np.iterable, prefilter))):
@@ -199,18 +199,18 @@ def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:
     return tuple(np.moveaxis(x, 0, -1) for x in (phi, gamma, c, d))  # type: ignore[return-value]
 
 
-TASKS = 64  # approximate number of parts of the grid, which the workers compute one by one
+TASKS = 64  # approximate number of parts of the grid
 
 
 class Portrait(NamedTuple):
-    """Measures of a loop for many parameter sets, as arrays of the shape of the grid, defined as in `Response`.
+    """Measures of a loop for many parameter sets, defined as in `Response`. Each array has the shape of the grid.
 
     Attributes
     ----------
     ie, iae, ise, itae : ndarray
         Integrals of the control error r - y over the whole simulation.
     tv_y, tv_u : ndarray
-        Total variation of output and control signal. It starts from the state of rest, 0.
+        Total variation of output and control signal, including the first change from 0.
     tv1_y, tv1_u : ndarray
         Total variation in excess of one pulse (huba2024, eq. (24)) from 0 to the final value. The final value of y is
         the set point. The final value of u holds this set point against the load.
@@ -257,7 +257,7 @@ def portrait(
     Parameters
     ----------
     loop : Loop
-        A process and a `SeriesPIDA`, whose values hold for all sets unless `parameters` names them. The loop may have a
+        A process and a `SeriesPIDA`. Its values apply to all sets, except those in `parameters`. The loop may have a
         prefilter, but no output filter.
     parameters : mapping of str to array_like, or pandas.DataFrame
         Arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast to the shape of the grid.
@@ -288,13 +288,9 @@ def portrait(
     MemoryError
         If the grid has more than ten million sets.
 
-    See Also
-    --------
-    pidalab.simulate_sampled : Simulate one set and return its signals.
-
     Examples
     --------
-    Vary acceleration gain and reset time near huba2024, eq. (25), for a load that the actuator can just compensate:
+    Vary acceleration gain and reset time near those of huba2024, eq. (25). The actuator can just compensate the load:
 
     >>> import numpy as np, pidalab
     >>> pda = pidalab.SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))

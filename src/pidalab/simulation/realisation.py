@@ -20,7 +20,7 @@ from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
 
-# Number of states, one dead time apart, that a fast part reads. Older states are negligible, since they have passed
+# A fast part reads this number of states, one dead time apart. Older states are negligible, since they have passed
 # through the filter of the part at least this number of times.
 AGES = 8
 
@@ -100,7 +100,7 @@ def times_ring_function(
 
 
 def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
-    """Return the coefficients by which direct W reads x(t - delay), x(t - 2 delay), ..."""
+    """Return the coefficients of x(t - delay), x(t - 2 delay), ... in the signal direct W."""
     read = []
     for _ in range(AGES - 1):
         read.append(direct @ Cv)
@@ -112,13 +112,14 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
 # fastest state that drives the part, and if the loop gain at the speed of this state is below HIGH_GAIN. With a higher
 # gain the loop would be much faster, and the plant would act as a chain of integrators. With FASTER = 100, a filter 50
 # times faster than its plant would not be decoupled. Its kick, a short signal of 1e5 times y, would be a difference of
-# nearly equal states: after a step of the load, u had errors of up to 5e-8 of its largest value.
+# nearly equal states. After a step of the load, this gave errors of u of up to 5e-8 of its largest value.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# Parts that are more than STIFF times as fast as the states that drive them are kept out of the process (see `_cut`) if
-# they are even more than VERY_STIFF times as fast, and if their kicks change the process output by less than
-# SENDS_LITTLE. All other parts then count as slow. After a part that is kept out has settled, u is read from the past
-# and present states that drive the part, because the rounding of its own states grows with the ratio of the speeds. The
-# effect of the fast states on the process is then neglected, since it decreases with the square of this ratio.
+# Consider the parts that are more than STIFF times as fast as the states that drive them. If all of these parts are
+# even more than VERY_STIFF times as fast, and their kicks change the process output by less than SENDS_LITTLE, they are
+# kept out of the process (see `_cut`), and all other parts count as slow. After a part that is kept out has settled, u
+# is read from the past and present states that drive the part, because the rounding of the part's own states grows with
+# the ratio of the speeds. The effect of the fast states on the process is then neglected, since it decreases with the
+# square of this ratio.
 STIFF = 100.0
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
@@ -174,7 +175,7 @@ class _States:
         self.used = inputs
 
     def signal(self, place: int) -> Array:
-        """Return one element of (x, W) as a signal. For the index -1, return the signal 0."""
+        """Return one element of (x, W) as a signal, or the signal 0 for the index -1."""
         row = np.zeros(self.moves.shape[1])
         if place >= 0:
             row[place] = 1.0
@@ -364,8 +365,8 @@ def _balanced(cut: Cut) -> Cut:
 def _sends_little(loop: _Blocks, fast: tuple[Part, ...], direct: float, driving: float) -> bool:
     """Return True if the kicks of very fast parts have almost no effect on the output of the process.
 
-    The height of a kick is the direct feedthrough, or the gain of controller and output filter at the speed of a part
-    if this gain is larger. `driving` is the speed of the fastest state that drives the parts.
+    The height of a kick is the direct feedthrough or, if larger, the gain of controller and output filter at the speed
+    of a part. `driving` is the speed of the fastest state that drives the parts.
     """
     speeds = [float(np.abs(pole)) for part in fast for pole in part.poles]
     process, control, output_filter = (loop.blocks[name] for name in BLOCKS[:3])

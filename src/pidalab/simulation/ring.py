@@ -8,10 +8,10 @@ because each is a function of the same matrix A(z).
 
 Notes
 -----
-Elements represent exponentials minus 1, because the exponential for a slow state is so near 1 that the 1 would cost
-digits. `product` therefore computes :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from the end of
-an element while they are at most `DROPPED` times its largest coefficient. Scaling and squaring follows Higham,
-*Functions of Matrices*, 2008, ch. 10, with a Taylor series for a norm of at most 1/2.
+Elements represent exponentials minus 1, because the exponential for a slow state is so near 1 that digits would be lost
+in the sum with 1. `product` therefore computes :math:`(1 + a)(1 + b) - 1 = a + b + a b`. Coefficients are dropped from
+the end of an element while they are at most `DROPPED` times its largest coefficient. Scaling and squaring follows
+Higham, *Functions of Matrices*, 2008, ch. 10, with a Taylor series for a norm of at most 1/2.
 
 All sums are formed term by term in a fixed order, with one accumulator and without library calls, so that the results
 are the same on every processor.
@@ -23,9 +23,9 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# Relative size of the coefficients that are dropped from the end of an element. It is so small because one element
-# holds the coefficients both of a kick (a short, very large signal) and of the plant. With 1e-20, a kick of 1e22 caused
-# an error of 4e-9 in y.
+# Relative size of the coefficients that are dropped from the end of an element. It is so small because an element holds
+# coefficients of the plant next to those of a kick (a short, very large signal). With 1e-20, a kick of 1e22 caused an
+# error of 4e-9 in y.
 DROPPED = 1e-26
 TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 times the first term
 
@@ -212,9 +212,9 @@ def _width(first, second, most):
     """Return a number of columns that is sufficient for a product, since all further columns would be dropped.
 
     No number in the product of two coefficients exceeds order * a * b, where a and b are the largest numbers of the
-    two. The sum of such bounds is a bound for a coefficient of the result. It is compared with `DROPPED` times the
-    first coefficient of the result, the only one that is computed here. This coefficient is at most as large as the
-    largest coefficient, so nothing is lost that `shortened` would keep.
+    two. The sum of such bounds is a bound for a coefficient of the result. This bound is compared with `DROPPED` times
+    the first coefficient of the result, the only coefficient that is computed here. Since the first coefficient does
+    not exceed the largest, nothing is lost that `shortened` would keep.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
@@ -240,7 +240,7 @@ def _width(first, second, most):
 
 @compiled
 def product(first, second, most):
-    """Return (1 + first)(1 + second) - 1 for two elements, with at most `most` coefficients."""
+    """Return (1 + first)(1 + second) - 1 for two elements, cut to at most `most` coefficients."""
     order, width = first.shape[0], _width(first, second, most)
     out = np.zeros((order, width))
     add(out, first)

@@ -11,8 +11,7 @@ exactly. The controller is discretised for a held input as well. The only remain
 is the delay of a real digital controller: half a sample for reading and half a sample for holding. So the difference is
 proportional to h.
 
-Pulse width modulation is also simulated exactly. The contribution of each pulse width to the state of the plant is
-computed beforehand.
+Pulse width modulation is also simulated exactly.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ def simulate_sampled(
     quanta: tuple[float, float] = (0.0, 0.0),
     pulse_widths: int = 0,
 ) -> Response:
-    r"""Simulate exactly, for any dead time of the plant, a loop whose controller is digital and limited.
+    r"""Simulate a loop with a digital, limited controller exactly, for any dead time of the plant.
 
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
     step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead of at rest.
@@ -64,10 +63,10 @@ def simulate_sampled(
     state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
-    limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). The filter :math:`Q_n` acts on the set
-    point, after its prefilter, minus the measurement. The paper does not say if :math:`Q_n` also filters the set point.
-    To undo the effect of :math:`Q_n` on the set point, use a prefilter with :math:`(T_f s + 1)^n` in its numerator and
-    a fast lag that keeps it proper.
+    limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). Here the filter :math:`Q_n` acts on the
+    difference of prefiltered set point and measurement. The paper does not say if :math:`Q_n` filters the set point,
+    too. To undo the effect of :math:`Q_n` on the set point, use a prefilter with :math:`(T_f s + 1)^n` in its numerator
+    and a fast lag that keeps it proper.
 
     Parameters
     ----------
@@ -83,8 +82,8 @@ def simulate_sampled(
     plant : Process or AsymmetricPlant, optional
         Plant to simulate instead of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
-        Action of the integral of a continuous controller at a limit. By default, or with "none", it continues to
-        integrate. With *clamping* it stops while it would drive the control signal further beyond the limit. With
+        Action of the integral of a continuous controller at a limit. By default, or with "none", the integral
+        continues. With *clamping* it stops while it would drive the control signal further beyond the limit. With
         *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, where w is the control signal before the limits
         and u the limited signal. If the controller had received this sum in place of ε, its signal w would equal u.
         Here :math:`k_p` is :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
@@ -92,12 +91,12 @@ def simulate_sampled(
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
-        or an integral uses the limited signal before rounding, since it would stick otherwise.
+        or an integral uses the limited signal before rounding. With the rounded signal it would stick.
     pulse_widths : int, optional
         Number of widths of pulse width modulation. In each sample the actuator is at the upper limit during the pulse,
         and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``, chosen so that the
-        mean of the actuator over the sample is nearest to the control signal. With 0, the default, the actuator holds
-        its value. Before t = 0 the plant rests as if its input were constant.
+        mean output of the actuator in the sample is nearest to the control signal. With 0, the default, the actuator
+        holds its value. Before t = 0 the plant rests as if its input were constant.
 
     Returns
     -------
@@ -112,9 +111,9 @@ def simulate_sampled(
         not contain 0; if quanta are negative; if the plant has direct feedthrough without dead time; if an unstable
         loop overflows; if a filter in or after a continuous controller is faster than the sample time; if a digital
         controller has another sample time; if anti-windup is requested for a controller without integral action or with
-        a reset; if conditioning is requested with kp/ki below the sample time, where it is unstable; if pulses are
-        requested without finite limits, with a quantum of the control signal, or for a plant that is not linear or has
-        direct feedthrough.
+        a reset; if conditioning is requested with kp/ki below the sample time, with which it would be unstable; if
+        pulses are requested without finite limits, with a quantum of the control signal, or for a plant that is not
+        linear or has direct feedthrough.
 
     Notes
     -----
@@ -166,7 +165,7 @@ def simulate_sampled(
 def _limited(
     k: DigitalController, h: float, limits: tuple[float, float], anti_windup: str | None
 ) -> DigitalController:
-    """Check the sample time of a digital controller, and add the limits, which are relative to the state of rest."""
+    """Check the sample time of a digital controller, and apply the limits, which are relative to the state of rest."""
     if abs(h - k.sample_time) > 1e-6 * k.sample_time:
         raise ValueError(
             f"t must have the step of the digital controller, {k.sample_time:.6g}, found {h:.6g}"
@@ -281,7 +280,7 @@ def _with_reset(
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
     fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
-    # In each sample the lag of the reset moves by this share towards the control signal.
+    # In each sample the state of the reset moves towards the control signal by this share of their distance.
     share = -math.expm1(-h / reset.time)
     return fraction, _behind(h, limits, integral=share, from_signal=True)
 
@@ -291,7 +290,7 @@ TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # first and largest number of sample
 # the response then decays by the factor e in N samples, the relative error of the gain is at most FADED * N / (2 *
 # TAIL_SAMPLES): 1e-10 for N = 1e6, 1e-7 for N = 1e9.
 FADED = 1e-12
-# The response covers at least this number of dead times, since noise comes back to the controller after one dead time.
+# The response covers at least this number of dead times, since noise returns to the controller after one dead time.
 ECHOES = 4
 
 
@@ -312,7 +311,6 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
     Returns
     -------
     ndarray, shape (n,)
-        The record.
 
     Raises
     ------
@@ -341,9 +339,9 @@ def uniform_noise(t: ArrayLike, amplitude: float, seed: int, hold: float | None 
 def noise_gain(loop: Loop, sample_time: float) -> float:
     r"""Return the ratio of the standard deviations of control signal and white measurement noise, in the sampled loop.
 
-    The noise n is held for a sample, the controller is digital as in `simulate_sampled`, and set point and load are 0.
-    Limits, a rate limit and a deadband are ignored. By Parseval's theorem the ratio is the H2 norm from n to u. It is
-    the root of the sum of squares of the control signal after a single sample of noise of height 1.
+    The noise n is held for a sample, and the controller is digital as in `simulate_sampled`. Limits, a rate limit and a
+    deadband are ignored. By Parseval's theorem the ratio, the H2 norm from n to u, is the root of the sum of squares of
+    the control signal after a single sample of noise of height 1.
 
     Parameters
     ----------
@@ -360,8 +358,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        As for `simulate_sampled`. Also if the loop is unstable, if four dead times exceed a million samples, or if the
-        response to a pulse of noise lasts longer than that.
+        As for `simulate_sampled`. Also if the loop is unstable, or if four dead times or the response to a pulse of
+        noise exceed a million samples.
 
     Examples
     --------

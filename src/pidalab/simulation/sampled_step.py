@@ -31,7 +31,7 @@ class PlantStates(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Transitions of the plant over the pieces of a sample interval, for both of its systems."""
+    """Transitions of both systems of a plant over the pieces of a sample interval."""
 
     phi: Array  # (pieces, 2, n, n)
     gamma: Array  # (pieces, 2, n)
@@ -67,7 +67,7 @@ def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
 
 
 def _with_store(main: StateSpace, direct: StateSpace, time: float) -> tuple[Array, Array]:
-    """Put the store in series before the main path, and the direct path in parallel with both."""
+    """Put the store (the first lag) in series before the main path, and the direct path in parallel with both."""
     A = block_diag(-1 / time, main.A, direct.A)
     A[1 : 1 + main.b.size, 0] = main.b
     return A, np.concatenate([[1 / time], np.zeros(main.b.size), direct.b])

@@ -35,7 +35,7 @@ def advanced(stack, order, power, keep):
 def _reads(rows, outputs, order, wide):
     """Return size[age, q], the largest modulus of the coefficients with which output q reads the state of an age.
 
-    The last row holds the maxima of all ages.
+    The last row holds the maxima over all ages.
     """
     ages = rows.shape[0] // order
     size = np.zeros((ages + 1, outputs))
@@ -70,8 +70,8 @@ def _read_ages(size):
 def _longest(size, ages, power, order, most):
     """Bound the number of ages that the outputs read after `rows` is multiplied by a power.
 
-    The product is not computed. No element of it exceeds order * a * b, where a and b are the largest elements of the
-    two factors.
+    The product is not computed, but none of its elements exceeds order * a * b, where a and b are the largest elements
+    of the two factors.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -95,9 +95,9 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
     Notes
     -----
-    The columns for the first time are the coefficients of the outputs. Before each pass, `have` columns are complete.
-    The pass multiplies these columns by the next power, which gives the columns for as many later times. The pass then
-    drops the ages that no output reads.
+    The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns are complete.
+    The pass multiplies them by the next power, which gives the columns of as many later times. The pass then drops the
+    ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -225,7 +225,7 @@ def ages_needed(read, powers, order, base, most):
     """Return the number of ages that a stack needs for the outputs up to 0, 1, ..., `most` runs later.
 
     The binary digits of the number of runs select the powers that advance the stack. Each power adds its reach minus 1
-    to the ages that the outputs read. Older ages may be dropped.
+    to the ages that the outputs read.
     """
     needed = np.full(most + 1, read)
     for runs in range(1, most + 1):
@@ -264,5 +264,5 @@ def distance_after(k, i, step, delay):
 
 @compiled
 def bit_is_set(count, power):
-    """Return True if the binary form of a count contains this power of 2. The count may be an integer of any size."""
+    """Return True if the binary form of a count contains 2^power. The count may be an integer of any size."""
     return np.floor(count * 2.0**-power) % 2.0 == 1.0

@@ -148,7 +148,7 @@ def test_answer_must_exceed_three_times_the_residuals(ratio):
     if ratio > 3:
         assert fit(record, "fopdt").deviation == pytest.approx(1 / ratio, rel=0.01)
     else:
-        with pytest.raises(ValueError, match=r"answers by 0.99, .* residuals of 0\.34"):
+        with pytest.raises(ValueError, match=r"response of 0.99 .* residuals of 0\.34"):
             fit(record, "fopdt")
 
 
@@ -268,7 +268,7 @@ def test_uninformative_records_are_refused(u, y, said):
 def test_short_record_does_not_identify_parameters():
     early = T < 75
     record = Record(T[early], U[early], (rise(lag=60.0) + NOISE)[early])
-    with pytest.raises(ValueError, match=r"does not settle the .* ± "):
+    with pytest.raises(ValueError, match=r"does not determine the .* ± "):
         fit(record, "sopdt")
 
 

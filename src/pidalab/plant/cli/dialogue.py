@@ -37,7 +37,7 @@ class Command(click.Command):
 
 
 class Group(click.Group):
-    """A group of such commands."""
+    """A group of commands of the class `Command`."""
 
     command_class = Command
 
@@ -51,7 +51,7 @@ def main() -> None:
     From a record, a delimited text file with an open-loop step:
       pidalab report step.csv --sample-time 0.2                compare PI, PID and PIDA
       pidalab tune step.csv --sample-time 0.2 --out folder     tune one of them and write its code
-      pidalab check log.csv --kp 0.6 --ti 12                   judge the gains that run
+      pidalab check log.csv --kp 0.6 --ti 12                   judge running gains
     For a known plant:
       pidalab compare --num 1 --den 1,3,3,1 --delay 1          apply every rule to it
       pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  simulate one loop
@@ -84,7 +84,7 @@ class Place(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse an empty path."""
         if value == "":
-            self.fail("must be a name, found an empty one", param, ctx)
+            self.fail("must be a name, found an empty text", param, ctx)
         return super().convert(value, param, ctx)
 
 

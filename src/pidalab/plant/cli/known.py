@@ -30,7 +30,7 @@ FILES = ("benchmark.csv", "benchmark.tex", "benchmark.svg")
 def compare_command(
     num: list[float], den: list[float], delay: float, rules: tuple[str, ...], **limits: float
 ) -> None:
-    """Apply every rule of the library to a plant and compare it with the optima.
+    """Apply every rule of the library to a plant and compare the designs with the optima.
 
     \b
     Examples:
@@ -98,7 +98,7 @@ def simulate_command(
 ) -> None:
     """Simulate a loop from rest, with its exact dead time, and print margins and measures.
 
-    Signals and limits count from the state of rest. With a controller.json the state of rest is its
+    Signals and limits are relative to the state of rest. With a controller.json the state of rest is its
     working point.
 
     \b
@@ -120,7 +120,6 @@ def simulate_command(
 
 
 def _controller(options: dict[str, Any]) -> Any:
-    """Return the controller with the given gains, or the controller of a file."""
     file, h = options["controller"], options["sample_time"]
     if file is None:
         if options["kp"] is None:

@@ -27,7 +27,7 @@ STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # further samples far above the set point, and as many far below it
 DOUBLINGS = 24  # the distance of these samples from the set point is doubled at most this number of times
 INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
-INVALID_MEASUREMENT = 1e30  # also exists in single precision
+INVALID_MEASUREMENT = 1e30  # this value also exists in single precision
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # largest number of characters in a line
 MOST_NOTES, LONGEST_NOTE = 40, 500  # largest number of lines of a note, and of characters in a line
 PRECISIONS = ("double", "single")
@@ -118,7 +118,7 @@ def head(
     record: str = "",
     date: str = "",
 ) -> list[str]:
-    """Return the lines at the head of the code, without unusual characters of the given texts."""
+    """Return the lines at the head of the code. Unusual characters of the given texts are removed."""
     for name, text in {"note": note, "time_unit": time_unit, "record": record, "date": date}.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, found {type(text).__name__}")
@@ -147,7 +147,6 @@ def head(
 
 
 def _margins(margins: Margins) -> str:
-    """Return a line that lists the margins."""
     if not isinstance(margins, Margins):
         raise TypeError(f"margins must be Margins of a loop, found {type(margins).__name__}")
     if math.isnan(margins.ms):
@@ -213,7 +212,6 @@ def written(k: Parameters, language: str, name: str, *, precision: str = "double
 
 
 def _rows(values: Iterable[str], indent: str) -> str:
-    """Wrap values, separated by commas, into lines."""
     return textwrap.fill(", ".join(values), VALUES_WIDTH, initial_indent=indent, subsequent_indent=indent)
 
 
@@ -268,7 +266,6 @@ def canonical(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with all numbers as floats."""
     if isinstance(value, dict):
         return {name: _plain(x) for name, x in value.items()}
     if isinstance(value, (list, tuple)):

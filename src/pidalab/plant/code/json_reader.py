@@ -93,7 +93,6 @@ def _controller(stored: dict[str, Any]) -> DigitalController:
 
 
 def _tuples(value: Any) -> Any:
-    """Return tuples for lists."""
     if isinstance(value, dict):
         return {name: _tuples(x) for name, x in value.items()}
     return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -37,7 +37,7 @@ UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
 TRIMMED = 0.95  # share of the random plants that are kept; the least likely are left out
-ALONE = "step the input by itself, from rest, with nothing else moving the output"
+ALONE = "make a step of the input from rest, while nothing else moves the output"
 
 
 class NoPredictionError(ValueError):
@@ -89,15 +89,15 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return random plants that the record does not rule out.
 
-        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. Up to two
-        others have a further lag, which in a record resembles a short dead time. In one of them the lag is the longest
-        that raises the residuals by at most 3 %, in the other a medium lag. If the fitted model has equal lags, models
-        with two unequal lags are used too, each with such a further lag. Around each model, the least likely 5 % of the
-        plants are left out.
+        The parameters are drawn from their joint uncertainty around several models: the fitted model, and models with
+        a further lag, which in a record resembles a short dead time. Of twelve lags, those that raise the residuals by
+        at most 3 % are kept. Their median and the longest are used. (Of two lags, the longer counts as the median.) If
+        the fitted model has equal lags, "sopdt" models with further lags are used too. Around each model, the least
+        likely 5 % of the plants are left out.
 
         A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
-        by a random part of the interval between the samples before and after a change. (An input that moves at every
-        sample is assumed to move exactly at the samples.)
+        by a random part of the interval between the samples before and after a change. (An input that changes more than
+        60 times is assumed to change exactly at the samples.)
 
         Parameters
         ----------
@@ -152,8 +152,9 @@ class Fit:
     def plants(self, count: int = 21) -> list[Process]:
         """Return the model and random plants that the record does not rule out, for a robust design.
 
-        The random plants are those of `spread`, with a gain that is raised or, for fewer plants, lowered by 15 %. A
-        record shows the gain at one working point only, and a sticking valve moves less than it should.
+        The random plants are those of `spread`. Their gain is raised by 15 % with a probability of three quarters, and
+        lowered by 15 % otherwise, since a record shows the gain at one working point only, and a sticking valve moves
+        less than it should.
 
         Parameters
         ----------
@@ -235,7 +236,7 @@ class Fit:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about the model. Those about the record are in `record.doubts`."""
+        """Reservations about the model. Reservations about the record are in `record.doubts`."""
         doubts = []
         if self.incomplete:
             share = 100 * self.model_error / float(np.ptp(self._data.y))
@@ -317,7 +318,7 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         the simplest identifiable model whose residuals are at most 3 % above those of the best model. It tries "ifopdt"
         and "sopdtz" only if no load is fitted and the residuals of the other models exceed the noise.
     load : bool, optional
-        True to fit also the size and time of a step of the load. This allows records of a loop at a constant set point.
+        If true, also fit size and time of a step of the load. This allows records of a loop at a constant set point.
 
     Returns
     -------
@@ -349,11 +350,11 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     _check.choice("model", model, MODELS)
     if record.outlier_note:
         raise ValueError(
-            f"{record.outlier_note}; leave it out with outliers='drop' (--outliers drop), or keep it with 'keep'"
+            f"{record.outlier_note}; drop these outputs: outliers='drop' (--outliers drop), or keep them with 'keep'"
         )
     if record.experiment == FOLLOWER and not load:
         raise ValueError(
-            f"the input tells nothing of the plant: {FOLLOWER}; step the input by hand, or move the set point"
+            f"no model can be fitted to this input: {FOLLOWER}; step the input by hand, or move the set point"
         )
     data = searching.loaded(searching.prepared(record)) if load else searching.prepared(record)
     if not load and uncertainty.drifts(data):
@@ -363,9 +364,9 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         more, failed = tried_models(data, THEN)
         tried += [candidate for candidate in more if not unsettled(data, candidate)]
     if not tried:
-        raise ValueError(f"{failed}; step the input further, from rest")
+        raise ValueError(f"{failed}; make a larger step of the input, from rest")
     first = min(tried, key=lambda candidate: candidate.cost)
-    # Many models and times of the load were tried, so the best fit explains some noise by chance. Require more of it.
+    # The best of many models and times of the load explains some noise by chance. Require a clear explanation.
     if load and unexplained(data, first):
         raise ValueError(DRIFTS)
     settled = [candidate for candidate in tried if not unsettled(data, candidate)]
@@ -381,7 +382,7 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         for other in settled:
             if other.shape.name != chosen.shape.name:
                 with suppress(ValueError):
-                    why = f"{chosen.shape.name} fits better, and does not predict the hold-out data."
+                    why = f"{chosen.shape.name} fits better, but does not predict the hold-out data."
                     return _result(record, data, other, why)
         raise
 

@@ -122,7 +122,7 @@ SHAPES = {shape.name: [shape] for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATO
 SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 
 # A record with more changes of the input than this is resampled to a uniform grid. In other records each change is
-# simulated by itself.
+# simulated separately.
 MOST_CHANGES = 60
 MOST_SAMPLES = 4000  # in a longer record, neighbouring samples are averaged
 SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
@@ -134,7 +134,7 @@ DESCENTS = 6  # number of descents from different starts; the best of them is re
 SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
 LOADS = 46  # number of times at which a step of the load is tried
-HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags to try, as shares of the sum of all times
+HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags to try, as shares of the sum of lags and dead time
 # Start values of the parameters of a shape, as functions of the response time of the plant.
 STARTS: dict[str, Callable[[float], list[list[float]]]] = {
     "ipdt": lambda time: [],
@@ -237,7 +237,7 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Largest root mean square of the residuals of a model that counts as equally good."""
+        """A model counts as equally good if the root mean square of its residuals is at most this."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
@@ -323,7 +323,10 @@ def refined(
 
 
 def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
-    """Return the derivatives of the simulated output with respect to all parameters, including the initial state."""
+    """Return the derivatives of the simulated output with respect to all parameters.
+
+    The columns are those of `FitResult.values`, the initial state, and the size and time of the load.
+    """
     basis = data.basis(shape, p)
     columns = [basis[:, 0], basis[:, 1]]
     whole = max(float(np.sum(np.abs(p))), 1e-3 * float(np.ptp(data.t)))
@@ -352,10 +355,9 @@ def loaded(data: FitData) -> FitData:
 
 
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return up to two models with a further lag that the record does not rule out: the longest lag and a medium lag.
+    """Return the models of `_hidden`, which have a further lag that the record does not rule out.
 
-    If the fitted model has equal lags, `SECOND_ORDER` with such a further lag is returned too, since its response is
-    almost the same.
+    If the fitted model has equal lags, add those of `SECOND_ORDER`, which responds almost equally.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)
@@ -365,7 +367,7 @@ def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
 
 
 def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
-    """Return the model with a medium further lag, and the model with the longest further lag that still fits."""
+    """Return the models with the median and the longest lag that fit. Of two lags, the longer counts as the median."""
     *times, delay = result.values[2:].tolist()
     # `whole` is at least one sample, since an integrator without dead time can hide a lag of one sample.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))

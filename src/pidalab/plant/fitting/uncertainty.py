@@ -11,9 +11,7 @@ from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, F
 from pidalab.plant.record import Record
 from pidalab.plant.record.cleaning import FEWEST, FOLLOWER, MANY_LEVELS, MOVING
 
-BLIND = (
-    1e7  # parameters are not identifiable if the condition number of the scaled sensitivities is above this
-)
+BLIND = 1e7  # largest condition number of the scaled sensitivities of an identifiable model
 SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this number of standard uncertainties
 # A model must explain this share of the output's variance. With less, the noise may hide a response of
 # opposite sign.
@@ -25,16 +23,16 @@ CHANCE = 0.003  # accepted probability of mistaking a drift for a response, or a
 OPPOSED = 0.8  # like FED_BACK, but for the changes of u and of the residuals
 
 DRIFTS = (
-    "the response to the input is not clearly above noise and a drift in time: record the output at rest for a while, "
-    "step the input, wait until the output rests again, and step the input back, since no drift follows a step back; "
-    "nothing else (a load, a lid, another heater) may move the output"
+    "the response to the input is not clearly above noise and a drift in time. Record the output at rest for a while, "
+    "step the input, wait for rest, and step the input back: a response reverses then, but a drift does not. "
+    "Meanwhile nothing else (a load, a lid, another heater) may move the output"
 )
 
 
 def drifts(data: FitData) -> bool:
-    """Return True if a parabola in time plus first-order responses to the input fits no better than the parabola alone.
+    """Return True if first-order responses to the input do not clearly improve the fit of a parabola in time.
 
-    If the record does not begin at rest, the parabola is extended by decays with several time constants.
+    If the record does not begin at rest, exponential decays are added to the parabola.
     """
     x = (data.t - data.t[0]) / np.ptp(data.t)
     parabola = np.vander(x, 3)
@@ -50,34 +48,34 @@ def drifts(data: FitData) -> bool:
 
 
 def unsettled(data: FitData, result: FitResult) -> str:
-    """Return why a model is not identifiable and which experiment would help. Return an empty text otherwise."""
+    """Return why a model is not identifiable and which experiment would help. Return "" if it is identifiable."""
     shape, values, J = result.shape, result.values, result.jacobian
     if values[0] == 0 or not np.all(np.isfinite(values)):
-        return "the output does not answer to the input: no gain can be found"
+        return "the output does not respond to the input: no gain can be found"
     answer = float(np.ptp(J[:, 0] * values[0]))
     if answer < 3 * result.deviation:
         return (
-            f"the output answers by {answer:.3g}, not clearly above the residuals of {result.deviation:.3g}: the step "
-            "is too small against the noise, or something else moved the output; make a larger step, from rest"
+            f"the response of {answer:.3g} is not clearly above the residuals of {result.deviation:.3g}: the step is "
+            "too small compared with the noise, or something else moved the output; make a larger step, from rest"
         )
     # Scale the sensitivities to each parameter to length 1.
     scaled = J / np.linalg.norm(J, axis=0)
     if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > BLIND:
         return (
-            f"the input tells too little to fit {shape.name}: its parameters cannot be told apart (in closed loop, "
-            "move the set point more; in open loop, step the input)"
+            f"different parameters of {shape.name} fit this record equally well: in closed loop, move the set point "
+            "more; in open loop, step the input"
         )
     sigma = np.sqrt(np.diag(covariance(result)))
     if abs(values[0]) < SURE * sigma[0]:
         return (
-            f"the record does not settle the sign of the gain: {values[0]:.3g} ± {sigma[0]:.2g}; let the plant come to "
-            "rest, then step the input further or wait longer"
+            f"the record does not determine the sign of the gain: {values[0]:.3g} ± {sigma[0]:.2g}; let the plant come "
+            "to rest, then make a larger step or wait longer"
         )
     for name, value, error in zip(shape.parameters, values[2:-1], sigma[2:], strict=False):
         if error > abs(value) or (name == "damping" and value > 0.99 * MOST_DAMPED):
             return (
-                f"the record does not settle the {name} of {shape.name}: {value:.3g} ± {error:.2g}; record until the "
-                "output rests again, or step the input more than once"
+                f"the record does not determine the {name} of {shape.name}: {value:.3g} ± {error:.2g}; record until "
+                "the output rests again, or step the input more than once"
             )
     return ""
 
@@ -91,7 +89,7 @@ def unexplained(data: FitData, result: FitResult) -> str:
         f"{result.shape.name} explains {100 * share:.0f} % of the variance of the output (NRMSE "
         f"{1 - np.sqrt(1 - share):.2f}), and a model has to explain {100 * EXPLAINED:.0f} %: something else moved the "
         "output, or the samples are too far apart; make a larger step, from rest, with several samples while the "
-        "output answers"
+        "output responds"
     )
 
 
@@ -132,7 +130,7 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
 
 
 def runs_away(record: Record, data: FitData, result: FitResult) -> str:
-    """Return why a model contradicts the feedback that the record shows, or an empty text if it does not.
+    """Return why a model contradicts the feedback that the record shows, or "" if there is no contradiction.
 
     In closed loop the controller reacts to disturbances. Then u and the residuals change at the same samples, with
     opposite signs if the gain of the plant is positive. In open loop their signs agree only by chance.
@@ -145,9 +143,9 @@ def runs_away(record: Record, data: FitData, result: FitResult) -> str:
     if chance or agreement * gain < 0:
         return ""
     return (
-        f"u answers to y in this record, as in a closed loop, and with the fitted gain of {gain:.3g} that loop would "
-        "run away: the u of the record is not what reached the plant, or something else moved the output; log u "
-        "after the limits of the actuator, or step it by hand"
+        f"u reacts to y in this record, as in a closed loop. With the fitted gain of {gain:.3g} this loop would be "
+        "unstable. Either the recorded u did not reach the plant, or something else moved the output. Record the "
+        "limited u that the actuator receives, or step u by hand"
     )
 
 
@@ -161,7 +159,10 @@ def _agreement(a: Array, b: Array) -> float:
 
 
 def samples_per_error(r: Array) -> float:
-    """Return how many samples share one error: 1 + 2 (sum of the positive autocorrelations up to the first zero)."""
+    """Return how many correlated samples tell as much as one independent sample.
+
+    The number is 1 + 2 (sum of the autocorrelations before their first zero).
+    """
     spectrum = np.abs(np.fft.rfft(r, 2 * r.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: r.size]
     correlation = correlation / correlation[0]

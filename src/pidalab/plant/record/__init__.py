@@ -1,4 +1,4 @@
-"""Store a record of a plant. Find its steps, state of rest, noise and *doubts*, which are reservations about it."""
+"""Store a record of a plant, and find its steps, rest level, noise and *doubts*, which are reservations."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Noise(NamedTuple):
     correlation : float
         Correlation of neighbouring samples. It is 0 for white noise and near 1 for a slow disturbance.
     samples : int
-        Number of samples before the first change of the input, or 0 if there are fewer than 8. The deviation then comes
-        from second differences of all samples.
+        Number of samples before the first change of the input, or 0 if there are fewer than 8. If it is 0, the
+        deviation is computed from second differences of all samples.
     """
 
     deviation: float
@@ -63,11 +63,10 @@ class Record:
         Input at which the plant was at rest before the record. Give it if the record begins with the step. By default
         it is the input of the earliest sample.
     outliers : {"drop", "keep"}, optional
-        Treatment of outputs that are far from their neighbours, or that suddenly stand still to the last digit, as at
-        the end of a sensor's range. By default a doubt lists these outputs, and `identification.fit` refuses the
-        record.
+        Treatment of outliers: outputs that are far from their neighbours, or that suddenly repeat exactly one value,
+        as at the end of a sensor's range. By default a doubt lists them, and `identification.fit` refuses the record.
     rows : array_like, shape (n,), optional
-        Row numbers of the samples in their file, for doubts and errors.
+        Row numbers of the samples in their file, which doubts and errors name.
 
     Attributes
     ----------
@@ -149,8 +148,8 @@ class Record:
         _check.squarable("u_before", np.array([before]))
         if np.ptp(inputs) == 0 and before == inputs[0]:
             raise ValueError(
-                f"u never changes: it is {before:g} in every sample. If it changed just before the first one, give the "
-                "value before it: u_before (--u-before)"
+                f"u never changes: it is {before:g} in every sample. If the input changed just before the first "
+                "sample, give its earlier value as u_before (--u-before)"
             )
         steps = cleaning.find_steps(times, inputs, before)
         moved = int(np.argmax(np.abs(inputs - before) > 0.02 * np.ptp(np.append(inputs, before))))
@@ -179,17 +178,17 @@ class Record:
     ) -> Record:
         """Read a record from a delimited text file, such as an export of a process historian.
 
-        Units below the names, per cent signs, brackets, thousands separators and lines after the last number are
-        recognised. Doubts say what was changed.
+        A row of units, per cent signs, brackets, thousands separators and lines after the last number are recognised.
+        Doubts say what was changed.
 
         Parameters
         ----------
         path : str or pathlib.Path
             The file.
         time, u, y : str or int, optional
-            Names in the header, or numbers of the columns from 0. By default the columns named "time", "u" and "y", or
-            else the first three. Times may be numbers, dates or times of day. Dates and times of day are converted to
-            seconds.
+            Names in the header, or column numbers, counted from 0. By default the columns named "time", "u" and "y",
+            or else the first three. Times may be numbers, dates or times of day. Dates and times of day are converted
+            to seconds.
         delimiter : str, optional
             Text between the columns. By default it is detected.
         period : float, optional
@@ -233,7 +232,7 @@ class Record:
         if len(set(found.places)) < len(wanted):
             raise ValueError(
                 f"{path.name}: time, u and y must be different columns, found {said}: name each "
-                "(--time, --u, --y); without the plant's input a record shows no plant"
+                "column (--time, --u, --y). Without the plant's input no model can be fitted"
             )
         doubts, rows, times, part = [*found.doubts], found.rows, found.values[0], slice(None)
         if period is not None:
@@ -270,20 +269,20 @@ class Record:
             If the input does not change, or changes several times.
         """
         if not self.steps:
-            raise ValueError("the record has no step of the input between levels; fit takes any input")
+            raise ValueError("the input has no step between lasting levels; use fit, which needs no step")
         if len(self.steps) > 1:
             found = cleaning.list_steps(self.steps)
-            raise ValueError(f"the input changes again after the step: {found}; cut the record before")
+            raise ValueError(f"the input changes again after the step: {found}; keep only the first step")
         return self.steps[0]
 
     def uniform(self) -> tuple[Array, Array, Array]:
-        """Return times, input and output on a uniform grid. One grid point is the first step of the input.
+        """Return times, input and output on a uniform grid. The first step of the input is at a grid point.
 
         Returns
         -------
         t, u, y : ndarray, shape (n,)
-            Times from 0 at the median interval, the held input, and the interpolated output. The input is constant
-            until its first step.
+            Times from 0 on, one median interval apart, the held input, and the interpolated output. The input is
+            constant until its first step.
 
         Examples
         --------
@@ -303,12 +302,13 @@ class Record:
         return h * np.arange(grid.size, dtype=float), u, y
 
     def after_step(self) -> tuple[Array, Array]:
-        """Return times and output from the step on, scaled to the response to a unit step from rest.
+        """Return times from the step on, and the output, scaled to the response to a unit step from rest.
 
         Returns
         -------
         t, y : ndarray
-            Uniform times from 0 at the median interval, and the interpolated deviation from rest, divided by the step.
+            Uniform times from 0 on, about one median interval apart, and the interpolated deviation of the output from
+            rest, divided by the change of the input.
 
         Raises
         ------
@@ -394,7 +394,7 @@ class Record:
 
 
 def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
-    """Raise if `period` contradicts the times of the file. Return a doubt if a column counts samples."""
+    """Raise if `period` contradicts the times of the file. Return a doubt if their column only numbers the samples."""
     try:
         clock = read_columns(*source)
     except ValueError:
@@ -407,12 +407,12 @@ def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
         return [doubt("counted", name=name, period=period)]
     raise ValueError(
         f"period = {period:g} contradicts the file's own times in column {name!r}, which are {interval:.4g} apart: "
-        "leave out period (--period), or the column of the times"
+        "leave out period (--period), or delete this column"
     )
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
-    """Return level and noise of y before the first change of u, and True if y is known to rest there."""
+    """Return level and noise of y before the first change of u, and True if y is known to be at rest then."""
     rounding = _quantum(whole) / np.sqrt(12)
     if y.size < 8:
         # A smooth response almost vanishes from second differences, but the noise does not.

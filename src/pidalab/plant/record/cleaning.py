@@ -25,7 +25,7 @@ OVERLAP = 3
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 # An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
-# Let A be the movement of the output in the last BEFORE samples before a standstill, and B in the last JUST_BEFORE.
+# Let A and B be the movements of the output in the last BEFORE and in the last JUST_BEFORE samples before a standstill.
 BEFORE, JUST_BEFORE = 10, 3
 SLOWED = 0.1  # if B / A is at most this, the plant itself came to rest
 # A standstill is reported only if A exceeds both MANY_STEPS rounding steps and LITTLE times the span of the output.
@@ -33,7 +33,7 @@ MANY_STEPS, LITTLE = 2.5, 0.005
 # An input is a clock if it differs from a straight line in time by less than STRAIGHT times its span. It is a copy of
 # the output if it differs from a linear function of the output by less than COPY times its span.
 STRAIGHT, COPY = 0.01, 1e-4
-DISORDER = 0.05  # largest share of samples with a smaller time than an earlier sample
+DISORDER = 0.05  # largest accepted share of samples whose time is below a preceding time
 LISTED = 4  # a message lists at most this number of entries, and counts the others
 
 Places = NDArray[np.intp]  # indices of samples
@@ -56,7 +56,7 @@ def cleaned(
 ) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time, and merge samples of the same time.
 
-    Outputs of the same time are averaged, and the last of their inputs is used. Return times, inputs, outputs, the
+    Outputs of the same time are averaged, and the last input of that time is used. Return times, inputs, outputs, the
     earliest input, and the index of the first sample at each time.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]
@@ -105,7 +105,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
         k = starts[1]
         raise ValueError(
             f"the times go back at {where[k]}, from {t[k - 1]:.6g} to {t[k]:.6g}: the file holds {len(starts)} runs, "
-            f"or its clock was set back; choose one with run = 1 to {len(starts)} (--run), or cut the file there"
+            f"or its clock was set back; choose a run by run = 1 to {len(starts)} (--run), or split the file"
         )
     k = int(np.argmax(back)) + 1
     if float(np.mean(t < np.maximum.accumulate(t))) > DISORDER:
@@ -118,7 +118,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first sample of each run. Runs are long, and the time goes far back between them."""
+    """Return the first sample of each run. Runs are long, and each begins where the time goes far back."""
     edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
     rising = np.diff(t)[np.diff(t) > 0]
     usual = float(np.median(rising)) if rising.size else 0.0
@@ -167,8 +167,8 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    An interval is left out if the output slows down before it, or if it lies between two rounding steps of a slowly
-    moving output.
+    An interval is left out if the output slows down before it, or if the output moves so slowly that it only waits
+    for the next rounding step.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -199,8 +199,8 @@ def outlier_note(y: Array, where: Sequence[str]) -> str:
     if still := standing_still(y):
         runs = _first_few([f"{where[a]} to {where[b].split()[-1]} (y = {y[a]:.6g})" for a, b in still])
         notes.append(
-            f"the output stands still, to the last digit, in {runs}: the end of the sensor's range, a lost sensor, or "
-            "a plant that has stopped"
+            f"the output stands still to the last digit in {runs}: the sensor is lost or at the end of its range, or "
+            "the plant has stopped"
         )
     return "; ".join(notes)
 
@@ -215,7 +215,6 @@ def drop_outliers(y: Array, where: Sequence[str]) -> list[str]:
 
 
 def _first_few(entries: Sequence[str]) -> str:
-    """List the first entries and count the others."""
     further = f" and {len(entries) - LISTED} more" if len(entries) > LISTED else ""
     return ", ".join(entries[:LISTED]) + further
 
@@ -223,7 +222,7 @@ def _first_few(entries: Sequence[str]) -> str:
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
 MANY = 12  # u has no separate steps if, rounded to a hundredth of its span, it has at least this number of levels
-FOLLOWS = 0.98  # u follows y if y explains more than this share of the variance of u
+FOLLOWS = 0.98  # u follows y if y and its integral explain more than this share of the variance of u
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
 MOVING = "it moves all the time, as in a closed loop or by a test signal"

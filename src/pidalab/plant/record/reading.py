@@ -19,13 +19,13 @@ MISSING = {"", "-", "?", "nan", "na", "n/a", "#n/a", "null", "none", "unavailabl
 MISSING |= {"bad", "bad input", "no data", "i/o timeout"}
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 BRACKETS = " \t[]{}();'\""
-# This matches the beginning of dates and times of day.
+# the beginning of dates and times of day
 STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas separate thousands
 BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # blanks separate thousands
 # In a number with a decimal comma, points may only separate thousands.
 WITH_COMMA = re.compile(r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-# This sign follows a number. Blanks before it are removed separately, which keeps the search linear.
+# This sign follows a number. Blanks before the sign are removed separately, which keeps the search linear.
 SIGN = re.compile(r"(%|°\s{0,9}[CF]?)$")
 
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
@@ -33,7 +33,7 @@ DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y",
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
 DAY = 86400.0  # seconds
-# Times above 1e8 s, which corresponds to the year 1973, count from 1970 in one of these units.
+# Times above 1e8 s, the year 1973, are counted from 1970 in one of these units.
 EPOCHS = {"nanoseconds": 1e9, "microseconds": 1e6, "milliseconds": 1e3, "s": 1.0}
 UNIT = re.compile(
     r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
@@ -44,7 +44,7 @@ SAMPLE = 50  # lines from which the format is detected, and largest number of co
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # largest number of characters in a row, and of columns
 
 
-PLACES = {"time": 0, "u": 1, "y": 2}  # columns if no name is given and none is named like this in the header
+PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if the header has no such names
 
 
 class Columns(NamedTuple):
@@ -74,8 +74,8 @@ def read_columns(
         The file in UTF-8 or UTF-16, with or without a byte order mark, or in Latin-1.
     wanted : mapping of str to str, int or None
         The keys are the roles "time", "u" and "y". Each value is the name of a column in the header, or its number from
-        0. If the value is None, the column named like the role is used. If there is none, it is column 0 (time), 1 (u)
-        or 2 (y). A doubt names the default columns if the file has more than three columns. Times may be dates.
+        0. If the value is None, the column named like the role is used. If there is no such column, column 0 (time),
+        1 (u) or 2 (y) is used, and a doubt says so if the file has more than three columns. Times may be dates.
     delimiter : str or None
         Text between the columns. A text of several characters is a regular expression. If None, the delimiter is
         detected.
@@ -102,20 +102,20 @@ def read_columns(
     longest = max(range(len(lines)), key=lambda row: len(lines[row]))
     if len(lines[longest]) > LONGEST_ROW:
         raise ValueError(
-            f"{path.name}, row {longest + 1 + skip}, has {len(lines[longest])} characters, allowed are at most "
-            f"{LONGEST_ROW}: is it a table of text with a line for each sample?"
+            f"{path.name}, row {longest + 1 + skip}, has {len(lines[longest])} characters, and at most "
+            f"{LONGEST_ROW} are allowed: is the file a table with one line for each sample?"
         )
     doubts: list[str] = []
     mark = delimiter or max(DELIMITERS, key=lambda mark: _numbered(lines, mark))
     joined = [re.sub(r"(:\d\d),(\d{3})(?=,)", r"\1.\2", line) if ":" in line else line for line in lines]
     if mark == "," and joined != lines:
-        doubts.append("milliseconds after a comma belong to the time before them: both are one column")
+        doubts.append("milliseconds after a comma were read as part of the time before the comma")
         lines = joined
     rows = [_split(line, mark) for line in lines]
     if sorted(map(len, rows))[len(rows) // 2] > MOST_COLUMNS:
         raise ValueError(
-            f"{path.name} must have at most {MOST_COLUMNS} columns, found more divided by {mark!r}: copy "
-            "those of time, input and output into a file of their own"
+            f"{path.name} must have at most {MOST_COLUMNS} columns, found more, separated by {mark!r}: "
+            "copy the columns of time, input and output into a file of their own"
         )
     header, first = _header(lines, rows, wanted.values(), mark, path)
     width = max(map(len, [header, *rows[first : first + SAMPLE]]))
@@ -127,7 +127,7 @@ def read_columns(
         if name is None and place not in _places(role, header)
     ]
     if guessed and (count := sum(map(bool, header)) or width) > len(PLACES):
-        doubts.append(f"{', '.join(guessed)}: none was given, and the file has {count}")
+        doubts.append(f"{', '.join(guessed)}: assumed, since none was given; the file has {count} columns")
     numbers = np.array([k for k in range(first, len(rows)) if any(rows[k])])
     entries = [[rows[k][place] if place < len(rows[k]) else "" for k in numbers] for place in places]
     comma = mark != "," and _has_decimal_commas(entries)
@@ -153,8 +153,8 @@ def read_columns(
         if again > k + 1:
             raise ValueError(
                 f"{where}: words, such as {column[k][:QUOTED]!r}, and numbers again from row {row[again]} on. The file "
-                "holds several traces one below the other: put them side by side, with one column of times, or cut "
-                "out the part that has time, input and output"
+                "has several traces, one below the other: put them side by side, with one column of times, or keep "
+                "only the part that has time, input and output"
             )
         kind = "a number or a date" if timed and column is entries[0] else "a number"
         raise ValueError(
@@ -178,7 +178,7 @@ def _split(line: str, mark: str) -> list[str]:
     """Return the entries of a line without surrounding blanks. An unclosed quote ends with its line."""
     if mark == r"\s+":
         line = line.strip()
-        # Treat brackets only at the ends of a line, where an exported matrix has them.
+        # Remove brackets only at the ends of a line, where an exported matrix has them.
         bracketed = line[:1] in "[({" or line[-1:] in "])};"
         return (line.strip(BRACKETS) if bracketed else line).split(None, MOST_COLUMNS)
     if len(mark) > 1:
@@ -224,7 +224,7 @@ def is_value(entry: str) -> bool:
 
 
 def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
-    """Convert entries to numbers, with nan for missing values. Also mark the entries that are not valid."""
+    """Convert entries to numbers, with nan for missing values. Mark the entries that are neither."""
     values = np.array([number(entry, comma) for entry in entries], dtype=float)
     wrong = [
         math.isnan(value) and bare(x).lower() not in MISSING for x, value in zip(entries, values, strict=True)
@@ -312,12 +312,12 @@ def _clock(
     for word, share in EPOCHS.items():
         if last / share > 1e8 and (share > 1 or (unit in ("", "s") and first > 1e8)):
             if share > 1:
-                doubts.append(f"the times are {word} since 1970: they were read as seconds")
+                doubts.append(f"the times are {word} since 1970: they were converted to seconds")
             date = f"{datetime.fromtimestamp(first / share, UTC):%Y-%m-%d %H:%M}"
             return ((times - first) / share, wrong), "s", date
     if unit not in ("", "s"):
         doubts.append(
-            f"the times are in {unit}, by the name of their column: give all other times, like the sample time, in it"
+            f"the times are in {unit}, by the name of their column: give all other times in {unit}, too"
         )
     return column, unit, ""
 
@@ -325,7 +325,7 @@ def _clock(
 def _stamps(
     column: Sequence[str], plain: tuple[Array, Array], doubts: list[str]
 ) -> tuple[tuple[Array, Array], str, str]:
-    """Convert dates or times of day to seconds since the earliest. Return these, their unit, and the first date.
+    """Convert dates or times of day to seconds since the earliest. Return the seconds, their unit, and the first date.
 
     The format that reads the most entries is used. If several formats read equally many, the format with the smallest
     span of time is used. This finds the order of day and month in a record that runs past midnight.
