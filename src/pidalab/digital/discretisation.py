@@ -63,9 +63,9 @@ def discretise(
     ==================  ==============================================================================================
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
-    without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave it
-    late. *Back-calculation* with a short `tracking_time` leaves a limit early. With all three, the controller always
-    leaves the limit. Use None only for actuators without limits.
+    without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave the
+    limit late. *Back-calculation* with a short `tracking_time` leaves a limit early. With all three methods, the
+    controller always leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------
@@ -103,8 +103,8 @@ def discretise(
         True if ``step`` and the written code have a further input that is added to the control signal before the
         limits.
     tunable : bool, optional
-        True if the gains may change without a bump while the controller runs. In the written code they are variables.
-        In Python, ``retune`` changes them.
+        True if the gains may change without a bump while the controller runs. The gains are variables in the written
+        code. In Python, ``retune`` changes them.
     reset : tuple of FilteredGains and float, optional
         Stabilising controller and time constant of an automatic reset.
     source : str, optional

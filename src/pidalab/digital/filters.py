@@ -256,8 +256,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     to_states[..., 0, 0] = 1.0
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
-        # The diagonal holds the differences from the pole of lag i, computed by expm1 without cancellation. They are
-        # not negative, since faster lags come first.
+        # The diagonal elements p_j - p_i are computed with expm1, without cancellation. They are not negative for
+        # j >= i, since faster lags come first.
         slower = np.tril(transition[..., 1:, 1:], -1)
         slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
         column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]

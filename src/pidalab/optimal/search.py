@@ -275,7 +275,7 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 def approached(search: Search) -> list[Array]:
     """Return a list with one start that keeps all limits, found from candidates that violate limits.
 
-    The list is empty if this fails. Store the controller with the least violation in `search.nearest`.
+    The list is empty if there is no such start. Store the controller with the least violation in `search.nearest`.
     """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
