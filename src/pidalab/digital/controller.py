@@ -160,7 +160,7 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart. The controller is then at rest at the given signals, or at the signals of the next call of ``step``.
+        """Restart at rest at the given signals, or at the signals of the next call of ``step``.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class DigitalController(Parameters):
         return states
 
     def retune(self, other: DigitalController) -> None:
-        """Replace the gains by those of another controller, without a bump and without restarting.
+        """Replace the gains by the gains of another controller, without a bump and without restarting.
 
         The control signal keeps its value in the next sample.
 
@@ -353,8 +353,8 @@ class DigitalController(Parameters):
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
             Entries of the comment at the top: ``margins`` of the loop, a text as ``note``, the ``time_unit`` of the
-            sample time, the ``record`` of the plant and its ``date``. Only letters, digits and usual punctuation marks
-            of the texts are kept.
+            sample time, and the name (``record``) and ``date`` of the record. Only letters, digits and usual
+            punctuation marks of the texts are kept.
 
         Returns
         -------

@@ -79,7 +79,7 @@ def discretise(
         Set-point weights of the proportional and the derivative parts, by default 1. With ``c=0`` only the measurement
         is differentiated.
     limits : tuple of float, optional
-        Lower and upper limit of the control signal, in its units.
+        Lower and upper limit of the control signal.
     rate_limit : float, optional
         Largest change of the control signal in a unit of time, above 0.
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional

@@ -181,11 +181,11 @@ def _lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
 def _by_weight(
     part: FilteredGains, filtered: bool, b: float, c: float
 ) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Group gains by set-point weight. Return a single group if all weights are 1."""
+    """Group gains by set-point weight. Return a single group if b = c = 1 or there are no lags."""
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # If the weights differ, the filtered integral needs a separate chain of lags, which corrects the pure integral.
+    # With other weights, the filtered integral needs a separate chain of lags, which corrects the pure integral.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),

@@ -358,7 +358,7 @@ def _prefilter_constants(prefilter: Prefilter) -> dict[str, float]:
 
 
 def _prefilter_states(prefilter: Prefilter) -> list[str]:
-    """Return the names of the states of a prefilter. If the previous set point is needed, it is the first."""
+    """Return the names of the states of a prefilter. The first is the previous set point, if needed."""
     return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
 
 

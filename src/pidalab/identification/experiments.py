@@ -22,7 +22,7 @@ OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an o
 MOST_ENDS = 400  # a ramp is fitted to at most this number of intervals, which all begin at 0
 # A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
-NOISY = 0.01  # with more noise, as a share of the whole change, single samples mislead
+NOISY = 0.01  # single samples mislead if noise / (whole change) is above this
 # If the gain of the record exceeds that of the model by more than this share, Ms is clearly larger with the process.
 MOST_EXCESS_GAIN = 0.25
 
@@ -394,7 +394,7 @@ def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> 
     """Check a step experiment. Return the times from the step on, the output and the change of the input."""
     if is_record(t):
         if y is not None or step is not None:
-            raise TypeError("y and step must be left out with a Record: it has its own")
+            raise TypeError("y and step must be left out with a Record, which contains them")
         times, response = t.after_step()
         response[0] = 0.0  # after_step subtracts a mean, which is more accurate than the first sample
         change = abs(float(np.mean(response[-max(1, response.size // 10) :])))

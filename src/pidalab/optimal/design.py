@@ -289,7 +289,7 @@ def _refusal(searches: list[Search]) -> str:
     if nearest:
         return (
             f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}; the nearest "
-            f"has {min(nearest)[1]}: relax the limits, or take another order"
+            f"controller has {min(nearest)[1]}. Relax the limits, or try another order"
         )
     hint = ""
     for other in range(HIGHEST_ORDER, order, -1):

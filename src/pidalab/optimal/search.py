@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
-filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. The zeros of
-each of its controllers are equal and lie below a chosen crossover frequency.
+filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. Each of
+its controllers has equal zeros below a chosen crossover frequency.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ DOUBTS = {
     "less than {phase:g} rad",
     "few poles": "the model has {known} pole(s), and a {kind} also acts on faster dynamics, which are unknown: fit a "
     "model of higher order, or choose a controller with fewer derivatives",
-    "fast filter": "the filter is as fast as the sample time of {sample_time:g} allows: faster sampling would make it "
-    "faster",
+    "fast filter": "the filter is as fast as the sample time of {sample_time:g} allows: faster sampling would allow "
+    "a faster filter",
     "noise unused": "the rule {rule!r} ignores noise: noise_gain was not used",
     "price": "price of robustness: {price:.2f} times the IAE of the design for the model alone, since the model is "
     "uncertain; {remedy}",

@@ -156,7 +156,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         nodes *= 2
     if poles.size < count:
         raise ArithmeticError(
-            f"count must be at most {poles.size}, the poles right of {-FARTHEST / delay:.4g}, found {count}"
+            f"count must be at most {poles.size}, the number of poles right of {-FARTHEST / delay:.4g}, found {count}"
         )
     others = "their neighbours"
     if chain > -math.inf:

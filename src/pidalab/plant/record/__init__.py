@@ -399,7 +399,7 @@ def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
     try:
         clock = read_columns(*source)
     except ValueError:
-        return []  # this column does not exist or does not contain times
+        return []  # the file has no column of times
     steps, name = np.diff(clock.values[0]), clock.names[0] or clock.places[0]
     interval = float(np.median(steps)) if steps.size and clock.places[0] not in taken else np.nan
     if not interval > 0 or np.any(steps < 0) or abs(interval / period - 1) < SAME_PERIOD:
