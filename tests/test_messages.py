@@ -271,7 +271,7 @@ MESSAGES = {
         (partial(robustness.popov, Loop(Process([1.0, 1.0], [1.0, 2.0], 1.0), 1.0)), "must be strictly proper"),
         (
             partial(pidalab.rightmost_poles, mrdp.tune(UNIT, 0, 1, te=1000.0).loop(), 5),
-            "count must be at most 3, the poles right of -20, found 5",
+            "count must be at most 3, the number of poles right of -20, found 5",
         ),
     ],
     "reduction": [
@@ -420,7 +420,7 @@ MESSAGES = {
         (partial(optimal, Process([1.0], [1.0, 0.0]), 1, noise_gain=2.0), "process"),
         (partial(optimal, ZERO, 1), "static gain"),
         (partial(optimal, ipdt(1.0, 0.0), 1), "a lag or a dead time"),
-        (partial(optimal, Process([1.0], [1.0, -1.0], 0.9), 1, ms=2.0), "keeps ms <= 2; the nearest has ms = 4.0"),
+        (partial(optimal, Process([1.0], [1.0, -1.0], 0.9), 1, ms=2.0), "ms <= 2; the nearest controller has ms = 4.0"),
     ],
     "comparison": [
         (terms(noise_gain=0.0), "noise_gain must be above 0"),
