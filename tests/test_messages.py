@@ -271,7 +271,7 @@ MESSAGES = {
         (partial(robustness.popov, Loop(Process([1.0, 1.0], [1.0, 2.0], 1.0), 1.0)), "must be strictly proper"),
         (
             partial(pidalab.rightmost_poles, mrdp.tune(UNIT, 0, 1, te=1000.0).loop(), 5),
-            "count must be at most 3, the poles right of -20, found 5",
+            "count must be at most 3, the number of poles right of -20, found 5",
         ),
     ],
     "reduction": [
@@ -318,7 +318,7 @@ MESSAGES = {
         (partial(itae.pida_setpoint, SECOND, factors=(1.0, 0.6)), r"f_d must be between -3 and 1, found 1\.0"),
         (
             partial(itae.pida_load, sopdt(1, 1, 1, 1), factors=(0.99 / 1.005, 0.6)),
-            r"f_d = 0\.985075 leads to r = 0\.01, where the table does not",
+            r"f_d = 0\.985075 leads to r = 0\.01, for which the table fails",
         ),
         (partial(mo.tune, CHAIN, 30, 31, 0.01), "m must be at most 16, found 30"),
         (partial(mo.tune, "lags", 1, 1, 0.1), "model must be an array of real numbers"),
@@ -420,7 +420,7 @@ MESSAGES = {
         (partial(optimal, Process([1.0], [1.0, 0.0]), 1, noise_gain=2.0), "process"),
         (partial(optimal, ZERO, 1), "static gain"),
         (partial(optimal, ipdt(1.0, 0.0), 1), "a lag or a dead time"),
-        (partial(optimal, Process([1.0], [1.0, -1.0], 0.9), 1, ms=2.0), "keeps ms <= 2; the nearest has ms = 4.0"),
+        (partial(optimal, Process([1.0], [1.0, -1.0], 0.9), 1, ms=2.0), "ms <= 2; the nearest controller has ms = 4.0"),
     ],
     "comparison": [
         (terms(noise_gain=0.0), "noise_gain must be above 0"),

@@ -57,7 +57,7 @@ def at_equal_terms(
     ------
     TypeError, ValueError
         If an argument is out of range, if no gain above a hundredth of the rule's gain gives a stable loop with this
-        Ms, or if no filter keeps the noise gain.
+        Ms, or if no filter time keeps the noise gain within its limit.
 
     Examples
     --------
@@ -128,6 +128,7 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
     while not quiet(high):
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
-            raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
-    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So return the quiet side.
+            raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
+    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So return a filter time
+    # within the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

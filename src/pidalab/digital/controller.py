@@ -30,9 +30,9 @@ class DigitalController(Parameters):
     .. math:: u_k = \operatorname{sat}(\mathrm{bias} + p_k + i_k), \qquad
               i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
 
-    where p is the sum of the paths and :math:`\varepsilon` the error. With automatic reset, the formula has :math:`p_k`
-    in place of :math:`\varepsilon_k`, and :math:`u_{k-1} - \mathrm{bias} - i_{k-1}` (less any feedforward) in place of
-    :math:`\varepsilon_{k-1}`.
+    where p is the sum of the outputs of the paths and :math:`\varepsilon` the error. With automatic reset, the second
+    formula has :math:`p_k` in place of :math:`\varepsilon_k`, and :math:`u_{k-1} - \mathrm{bias} - i_{k-1}` (less any
+    feedforward) in place of :math:`\varepsilon_{k-1}`.
 
     In manual mode the control signal is the given value, and the integral tracks this value. ``step`` stores its states
     in the object; simulations do not change these states.
@@ -143,7 +143,7 @@ class DigitalController(Parameters):
         return constants(self)
 
     def at_rest(self) -> dict[str, float]:
-        """Return the states at the working point, for a simulation that keeps separate states.
+        """Return the states at the working point, for a simulation that stores the states itself.
 
         Returns
         -------
@@ -160,7 +160,7 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart. The controller is then at rest at the given signals, or at the signals of the next call of ``step``.
+        """Restart at rest at the given signals, or at the signals of the next call of ``step``.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class DigitalController(Parameters):
         return states
 
     def retune(self, other: DigitalController) -> None:
-        """Replace the gains by those of another controller, without a bump and without restarting.
+        """Replace the gains by the gains of another controller, without a bump and without restarting.
 
         The control signal keeps its value in the next sample.
 
@@ -227,7 +227,7 @@ class DigitalController(Parameters):
         alike = gains.keys() == self._program.gains.keys() and other.sample_time == self.sample_time
         if not (self.tunable and alike):
             raise ValueError(
-                f"other must be tunable, of the kind and sample time of {self!r}, found {other!r}"
+                f"other must be tunable, with the form and sample time of {self!r}, found {other!r}"
             )
         vars(self._states).update(gains)
         self.__dict__["_retuned"] = True
@@ -247,8 +247,8 @@ class DigitalController(Parameters):
         `pidalab.simulate_sampled` does, call ``reset(r=y_offset, y=y_offset)`` first.
 
         A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped, and ``fault`` is True. Filters
-        and integral keep their values. A valid `manual` still sets the control signal, which otherwise also keeps its
-        value. The next valid sample continues from these values.
+        and integral keep their values. A valid `manual` still sets the control signal. Otherwise the control signal
+        keeps its value, too. The next valid sample continues from these values.
 
         Parameters
         ----------
@@ -353,8 +353,8 @@ class DigitalController(Parameters):
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
             Entries of the comment at the top: ``margins`` of the loop, a text as ``note``, the ``time_unit`` of the
-            sample time, the ``record`` of the plant and its ``date``. Only letters, digits and usual punctuation marks
-            of the texts are kept.
+            sample time, and the name (``record``) and ``date`` of the record. Only letters, digits and usual
+            punctuation marks of the texts are kept.
 
         Returns
         -------

@@ -63,9 +63,9 @@ def discretise(
     ==================  ==============================================================================================
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
-    without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave it
-    late. *Back-calculation* with a short `tracking_time` leaves a limit early. With all three, the controller always
-    leaves the limit. Use None only for actuators without limits.
+    without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave the
+    limit late. *Back-calculation* with a short `tracking_time` leaves a limit early. With all three methods, the
+    controller always leaves the limit. Use None only for actuators without limits.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def discretise(
         Set-point weights of the proportional and the derivative parts, by default 1. With ``c=0`` only the measurement
         is differentiated.
     limits : tuple of float, optional
-        Lower and upper limit of the control signal, in its units.
+        Lower and upper limit of the control signal.
     rate_limit : float, optional
         Largest change of the control signal in a unit of time, above 0.
     anti_windup : {"reset", "back-calculation", "clamping", None}, optional
@@ -103,8 +103,8 @@ def discretise(
         True if ``step`` and the written code have a further input that is added to the control signal before the
         limits.
     tunable : bool, optional
-        True if the gains may change without a bump while the controller runs. In the written code they are variables.
-        In Python, ``retune`` changes them.
+        True if the gains may change without a bump while the controller runs. The gains are variables in the written
+        code. In Python, ``retune`` changes them.
     reset : tuple of FilteredGains and float, optional
         Stabilising controller and time constant of an automatic reset.
     source : str, optional

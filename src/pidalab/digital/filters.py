@@ -181,11 +181,11 @@ def _lag_shares(time: float, h: float, method: str) -> tuple[float, float]:
 def _by_weight(
     part: FilteredGains, filtered: bool, b: float, c: float
 ) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Group gains by set-point weight. Return a single group if all weights are 1."""
+    """Group gains by set-point weight. Return a single group if b = c = 1 or there are no lags."""
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # If the weights differ, the filtered integral needs a separate chain of lags, which corrects the pure integral.
+    # With other weights, the filtered integral needs a separate chain of lags, which corrects the pure integral.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
@@ -256,8 +256,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     to_states[..., 0, 0] = 1.0
     for i in range(n):
         to_states[..., 1:, i + 1] = column / shares[..., i, None]
-        # The diagonal holds the differences from the pole of lag i, computed by expm1 without cancellation. They are
-        # not negative, since faster lags come first.
+        # The diagonal elements p_j - p_i are computed with expm1, without cancellation. They are not negative for
+        # j >= i, since faster lags come first.
         slower = np.tril(transition[..., 1:, 1:], -1)
         slower[..., diagonal[:n], diagonal[:n]] = -poles * np.expm1(rates - rates[..., i, None])
         column = (slower @ to_states[..., 1:, i + 1, None])[..., 0]

@@ -74,7 +74,7 @@ class Parameters:
         if not low <= self.bias <= high:
             raise ValueError(f"bias must be within the limits ({low:g}, {high:g}), found {self.bias:g}")
         if not self.integrates and (any(self.growth) or self.from_signal):
-            raise ValueError("growth must be (0, 0), and from_signal False, without integral action")
+            raise ValueError("without integral action, growth must be (0, 0) and from_signal False")
         new, old = METHOD_WEIGHTS[self.method]
         shares = [("growth", self.growth)]
         shares += [("lags", pair) for path in self.paths for pair in zip(path.new, path.old, strict=True)]

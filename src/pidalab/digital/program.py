@@ -1,12 +1,11 @@
-"""Describe the step of a digital controller as a list of statements, for its actions and options.
+"""Describe the step of a digital controller as a list of statements.
 
 This is the only description of the step. It is written as code in several languages, run as Python by ``step``, and
 compiled for simulations (`pidalab.simulation.operations`). The order of the statements is: checks of the inputs,
 prefilter, deadband, filter chains, tracking, integral, limits of rate and range, anti-windup.
 
-The step is defined for any input. The control signal is always a number within the limits. A sample with an input that
-is NaN, infinite or beyond `LARGEST_SIGNAL` is skipped, and `fault` is true. Filters and integral keep their values. The
-control signal also keeps its value if manual mode does not set it. No valid input causes an overflow.
+The step is defined for any input (see `DigitalController.step` for invalid inputs). The control signal is always a
+number within the limits. No valid input causes an overflow.
 
 An expression is a string of names, numbers, ``+ - * ( ) < > <= >=``, ``and``, ``or`` and ``not``. All names come from
 this module.
@@ -67,7 +66,7 @@ class Program(NamedTuple):
     constants : dict
         Constants by name.
     gains : dict
-        Initial values of the gains that may change while the controller runs. These are also states.
+        Initial values of the gains that may change while the controller runs. These gains are also states.
     inputs : dict
         Types of the inputs by name: "real" or "bool".
     states : dict
@@ -255,8 +254,8 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     ]
     more = " or with new gains" * k.tunable
     body: list[Statement] = [
-        Note(f"the control signal is manual_value in manual mode, and unchanged at the first sample{more}"),
-        Note(f"follow is true after a skipped sample in manual mode{more}"),
+        Note("forced: the control signal is manual_value in manual mode, and keeps its value otherwise"),
+        Note(f"follow remembers that a sample was skipped in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
         If("not started", [Set("forced", "true")]),
@@ -285,8 +284,8 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # If an increment would drive the signal beyond the limit, reduce the increment to the remaining range. A stopped
-    # integral could remain locked.
+    # If an increment would drive the signal beyond the limit, reduce the increment to the remaining range. If
+    # the integral were stopped instead, it could remain locked.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [
@@ -359,7 +358,7 @@ def _prefilter_constants(prefilter: Prefilter) -> dict[str, float]:
 
 
 def _prefilter_states(prefilter: Prefilter) -> list[str]:
-    """Return the names of the states of a prefilter. If the previous set point is needed, it is the first."""
+    """Return the names of the states of a prefilter. The first is the previous set point, if needed."""
     return [f"prefilter_{j}" for j in range(0 if prefilter.old else 1, len(prefilter.out) + 1)]
 
 
@@ -396,7 +395,7 @@ def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list
     """Return the statements for a chain of lags, and for a weighted sum of differences between the lags."""
     name, n, upper = part_name(i), path.order, part_name(i).upper()
     aim = {1.0: "target", 0.0: "0.0"}.get(path.weight, f"{upper}_WEIGHT * target")
-    lags = f": {n}{' equal' * _equal(path)} lag{'s' if n > 1 else ''}" if n else ""
+    lags = f": {n}{' equal' * (n > 1 and _equal(path))} lag{'s' if n > 1 else ''}" if n else ""
     body: list[Statement] = [
         Note(f"part {i + 1}, {path.name.replace('_', ' ')}{lags}"),
         Set("entering", f"{aim} - measured"),

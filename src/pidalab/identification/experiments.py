@@ -22,9 +22,8 @@ OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an o
 MOST_ENDS = 400  # a ramp is fitted to at most this number of intervals, which all begin at 0
 # A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
-NOISY = 0.01  # with more noise, as a share of the whole change, single samples mislead
-# If the gain of the record exceeds the gain of the model by more than this share, Ms is clearly larger with the process
-# than with the model.
+NOISY = 0.01  # single samples mislead if noise / (whole change) is above this
+# If the gain of the record exceeds that of the model by more than this share, Ms is clearly larger with the process.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -87,7 +86,7 @@ def three_point(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0, or a `Record`, which has its own output, step and rest level.
+        Uniform times with the step at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
         Output, from rest to rest. The rest value is the first sample, and the final value is the mean of the last
         tenth.
@@ -189,7 +188,7 @@ def ipdt_tangent(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0, or a `Record`, which has its own output, step and rest level.
+        Uniform times with the step at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
         Output. Its first sample is the rest level.
     step : float, optional
@@ -311,7 +310,7 @@ def ipdt_least_squares(
     Parameters
     ----------
     t : array_like, shape (n,), or Record
-        Uniform times with the step of the input at t = 0, or a `Record`, which has its own output, step and rest level.
+        Uniform times with the step at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
         Output. Its first sample is the rest level. If the record is noisy, set this sample to the mean before the step.
     step : float, optional
@@ -395,7 +394,7 @@ def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> 
     """Check a step experiment. Return the times from the step on, the output and the change of the input."""
     if is_record(t):
         if y is not None or step is not None:
-            raise TypeError("y and step must be left out with a Record: it has its own")
+            raise TypeError("y and step must be left out with a Record, which contains them")
         times, response = t.after_step()
         response[0] = 0.0  # after_step subtracts a mean, which is more accurate than the first sample
         change = abs(float(np.mean(response[-max(1, response.size // 10) :])))
@@ -421,7 +420,8 @@ def _rise_time(t: Array, y: Array) -> float:
     """Return the time from a tenth to nine tenths of the whole change of a record."""
     share = (y - y[0]) / (np.mean(y[-max(1, y.size // 10) :]) - y[0])
     before, after = np.flatnonzero(share < 0.1), np.flatnonzero(share > 0.9)
-    return float(t[after[0]] - t[before[before < after[0]][-1]])  # some sample reaches the mean
+    # `after` is not empty, since some sample reaches the mean of the last tenth.
+    return float(t[after[0]] - t[before[before < after[0]][-1]])
 
 
 def _excess_gain(t: Array, y: Array, model: Process, highest: float) -> float:

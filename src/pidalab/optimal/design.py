@@ -97,8 +97,8 @@ def load(
         Sample time of the noise, only with `noise_gain`. By default the sample time of `pidalab.noise_scale`, which is
         a hundredth of the ultimate period. The filter time is at least the sample time.
     family : sequence of Process, optional
-        Other plants, with gains of the same sign. With each of them, the controller must keep `ms_worst`. The IAE is
-        computed only with `process`.
+        Other plants, with gains of the same sign. With each of these plants, Ms must be at most `ms_worst`. The IAE
+        is computed only with `process`.
     ms_worst : float, optional
         Largest allowed maximum sensitivity with each plant of the family, above 1.
     start : Design, optional
@@ -128,9 +128,9 @@ def load(
     Notes
     -----
     The search is deterministic and has many starts, but it does not prove a global optimum. Its result satisfies the
-    conditions of a local optimum: the active limits hold as equations, and the Lagrangian is stationary. With a family,
-    the search first finds the optimum for the process alone. It then adds the worst plants until all plants keep
-    `ms_worst`.
+    conditions of a local optimum: the active limits hold with equality, and the Lagrangian is stationary. The search
+    with a family first finds the optimum for the process alone. It then adds the worst plants until Ms is at most
+    `ms_worst` with every plant.
 
     Examples
     --------
@@ -289,7 +289,7 @@ def _refusal(searches: list[Search]) -> str:
     if nearest:
         return (
             f"no stable controller of order {order} with non-negative gains was found that keeps {wanted}; the nearest "
-            f"has {min(nearest)[1]}: relax the limits, or take another order"
+            f"controller has {min(nearest)[1]}. Relax the limits, or try another order"
         )
     hint = ""
     for other in range(HIGHEST_ORDER, order, -1):
@@ -320,7 +320,7 @@ def upright(process: Process) -> Process:
 
 
 def judge(process: Process, search: Search, result: SearchResult) -> Design:
-    """Convert the result of a search to a design, evaluated with the process itself."""
+    """Convert the result of a search to a design for the given process, whose gain may be negative."""
     problem, limits, x = search.problem, search.limits, result.best.x
     gains, time = problem.controller(x)
     # To drop negligible actions, compare all actions at the corner frequency of the filter.

@@ -1,7 +1,7 @@
 r"""Refine an optimum until its optimality conditions hold.
 
 Near a flat minimum, rounding decides where a descent stops. Newton's method continues until the optimality conditions
-hold: the Lagrangian is stationary, and each active limit is an equation at the frequency of its peak. Second
+hold: the Lagrangian is stationary, and each active limit holds with equality at the frequency of its peak. Second
 derivatives are computed as differences of exact first derivatives. Each step solves a quadratic programme, whose
 multipliers decide which limits are active (Nocedal and Wright, Numerical Optimization, 2006, ch. 18). The quadratic
 programme is solved as a least-distance programme (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
@@ -52,7 +52,7 @@ SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the st
 # Largest and least radius of the trust region. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
-# Kinds of peaks below NOMINAL belong to the process (see `Peaks`).
+# Kinds of peaks of the process (see `Peaks`).
 NOMINAL = len(PEAKS)
 
 
@@ -207,7 +207,7 @@ class Lagrangian:
         return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def violation(self, z: Array) -> tuple[float, float]:
-        """Return the value and the sum of all violations. Return infinity for both if the loop is unstable."""
+        """Return log IAE and the sum of all violations. Return infinity for both if the loop is unstable."""
         x = self.scaled.back(z)
         if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
             return math.inf, math.inf
@@ -422,7 +422,7 @@ def _shrunk(search: Search, x: Array) -> Array:
 
 
 def _keeps(search: Search, x: Array, noise: float) -> bool:
-    """Return True if all limits hold. Otherwise add the frequencies at which limits are violated."""
+    """Return True if all limits hold. Otherwise add the frequencies of violated peaks and tighten `search.aim`."""
     loop, kept = search.loop(x), True
     for name, most in search.limits.peaks(0.0).items():
         height, frequency = SUPREMA[name](loop)

@@ -125,7 +125,7 @@ class Problem:
         return filtered, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Return the controller at complex s, and a function for its slopes by the gains and by the log filter time."""
+        """Return the controller at complex s, and a function that returns its slopes by the unknowns."""
         filtered, lag = self._filter(x, s)
         by_gains = actions * filtered
         controller = x[: self.gains] @ by_gains
@@ -224,10 +224,7 @@ class Problem:
 
 
 def _other_side(error: Array) -> tuple[float, Array]:
-    """Return the area of the negative part of an error in time steps, and its derivatives with respect to the samples.
-
-    The error is a straight line between samples.
-    """
+    """Return the area of the negative part of an error in time steps, and its derivatives by the samples."""
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -320,7 +317,7 @@ class SampledNoise:
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
 
     where P is the regularised lower incomplete gamma function. By Parseval's theorem, the variance of u is the mean of
-    :math:`|C/(1 + G C)|^2` over the unit circle. The dead time is exact.
+    :math:`|C/(1 + G C)|^2` over the unit circle.
     """
 
     def __init__(self, problem: Problem, sample_time: float, density: int = 1) -> None:
@@ -371,7 +368,7 @@ class SampledNoise:
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        self.actions[0, 1 : n + 1] = -1.0  # for K_-1 this is 1/s with the filter, minus 1/s
+        self.actions[0, 1 : n + 1] = -1.0  # for K_-1: filtered 1/s minus 1/s, which is added later
         self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):

@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
-filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. The zeros of
-each of its controllers are equal and lie below a chosen crossover frequency.
+filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. Each of
+its controllers has equal zeros below a chosen crossover frequency.
 """
 
 from __future__ import annotations
@@ -275,7 +275,7 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 def approached(search: Search) -> list[Array]:
     """Return a list with one start that keeps all limits, found from candidates that violate limits.
 
-    The list is empty if this fails. Store the controller with the least violation in `search.nearest`.
+    The list is empty if there is no such start. Store the controller with the least violation in `search.nearest`.
     """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):

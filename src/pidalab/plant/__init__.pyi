@@ -1,4 +1,4 @@
-# The public names of the wing and their homes; `pidalab` hands the most used of them on.
+# The public names of the package and their modules. `pidalab` re-exports the most used names.
 from . import heater as heater
 from .checking import Check as Check, check as check
 from .fitting import Fit as Fit, fit as fit

@@ -233,8 +233,8 @@ def check(
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
     """Return the share of the changes of u between samples that a controller explains, and the best gain.
 
-    The share is nan if u is constant in most samples, as in open loop. The best gain is the proportional gain of a
-    least-squares fit.
+    The share is nan if u is constant in most samples, as in open loop. The best gain is the proportional gain
+    of a least-squares fit from the changes of y to those of u.
 
     Notes
     -----
@@ -272,7 +272,7 @@ def _fitted(record: Record, model: str) -> Fit:
     refusal = None
     for load in (False, True):
         if fits and samples_per_error(fits[0].residuals) < COLOURED:
-            break  # the residuals are white
+            break
         try:
             fits.append(fit(record, model, load=load))
         except ValueError as failed:

@@ -29,8 +29,8 @@ DOUBTS = {
     "only {noise:.3g}: the plant has other dynamics than the model, or something else moved the output",
     "initial state": "the record does not begin at rest: an initial state was fitted as well",
     "hold-out": "the hold-out data are predicted worse than the other data are fitted: NRMSE {holdout:.2f}",
-    "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties are {times:.2g} times "
-    "those for white noise",
+    "closed loop": "the record is of a closed loop with slow disturbances: the uncertainties were multiplied by "
+    "{times:.2g}",
     # doubts about a design
     "time unit": "the sample time of {sample_time:g} is {share:.3g} times that of the record, {recorded:.4g}: is it in "
     "the record's unit of time?",
@@ -38,8 +38,8 @@ DOUBTS = {
     "less than {phase:g} rad",
     "few poles": "the model has {known} pole(s), and a {kind} also acts on faster dynamics, which are unknown: fit a "
     "model of higher order, or choose a controller with fewer derivatives",
-    "fast filter": "the filter is as fast as the sample time of {sample_time:g} allows: faster sampling would make it "
-    "faster",
+    "fast filter": "the filter is as fast as the sample time of {sample_time:g} allows: faster sampling would allow "
+    "a faster filter",
     "noise unused": "the rule {rule!r} ignores noise: noise_gain was not used",
     "price": "price of robustness: {price:.2f} times the IAE of the design for the model alone, since the model is "
     "uncertain; {remedy}",

@@ -159,7 +159,7 @@ class Lab:
         controller : DigitalController
             Controller with signals in per cent and degrees. It is reset first.
         setpoint : float or array_like, shape (n,)
-            Set point in degrees, for all samples or for each.
+            Set point in degrees, one value for all samples or one for each.
         duration : float, optional
             Seconds.
         load : float or array_like, shape (n,), optional
@@ -238,5 +238,4 @@ def _times(sample_time: float, duration: float) -> Array:
 
 
 def _silent() -> contextlib.redirect_stdout[io.StringIO]:
-    """Suppress messages of tclab."""
     return contextlib.redirect_stdout(io.StringIO())

@@ -25,8 +25,7 @@ from pidalab.rules import Design
 from pidalab.rules.registry import ORDER, Rule, find
 from pidalab.simulation.exact import load_iae
 
-# Largest ratio of the sample time to the slowest time constant or dead time of an integrating plant. After this time
-# only the integrator still moves.
+# Largest ratio of the sample time to the slowest time constant or dead time of an integrating plant.
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`
@@ -89,8 +88,8 @@ def tune(
     noise_gain : float, optional
         Largest (standard deviation of u) / (standard deviation of white measurement noise), sampled with `sample_time`.
         By default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without
-        noise, the gain from noise to u at any frequency is limited instead, to 10/\|P(0)\|. (For an integrator,
-        P(0) is replaced by P at the frequency where its phase has fallen by 45°.)
+        noise or steps, the gain from noise to u at any frequency is limited instead, to 10/\|P(0)\|. (For an
+        integrator, P(0) is replaced by P at the frequency where its phase has fallen by 45°.)
     sample_time : float, optional
         Sample time of the digital controller (backward differences), above 0. Half of it is added to the dead time, to
         account for the hold. The design is corrected until the sampled loop has the requested Ms, to 0.1 %.

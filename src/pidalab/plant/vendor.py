@@ -32,7 +32,6 @@ class VendorForms(NamedTuple):
     filters: str = "none"
 
     def __str__(self) -> str:
-        """List the forms that exist, and then the missing forms."""
         forms = self._asdict()
         del forms["filters"]
         missing = {name: form for name, form in forms.items() if isinstance(form, str)}

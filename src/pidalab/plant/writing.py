@@ -94,7 +94,7 @@ def _rename(hidden: Path, paths: Sequence[Path]) -> None:
 
 
 def refuse_others(texts: Mapping[Path, str | None]) -> None:
-    """Raise an error if a path exists and is not a file with this text, or if it exists and the text is None."""
+    """Raise an error if a path exists with other contents. If its text is None, the path must not exist."""
     others = [
         path.name or str(path)
         for path, text in texts.items()
@@ -103,6 +103,6 @@ def refuse_others(texts: Mapping[Path, str | None]) -> None:
     ]
     if others:
         raise FileExistsError(
-            f"{', '.join(others)} exist{'s' * (len(others) == 1)} and would change (edited, or of another run): "
+            f"{', '.join(others)} exist{'s' * (len(others) == 1)} and would be overwritten: "
             "write to another place, or replace with --force"
         )

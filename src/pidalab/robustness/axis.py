@@ -1,10 +1,10 @@
-"""Find crossovers and peaks of a loop along the frequency axis, for loops in s and in z.
+"""Find crossovers and peaks along the frequency axis, for continuous and sampled loops.
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
 points, but the dead time turns the phase without bound. A grid step is therefore divided further if the dead time turns
 the phase quickly within the step *and* the step may contain a crossover or peak. A step may contain a crossover if the
-magnitude of L is large enough, and a peak if an upper bound of the height is high enough. Finally, all crossovers (or
-all peaks) are refined together.
+magnitude of L is large enough, and a peak if an upper bound of the heights within the step exceeds the highest peak so
+far.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def divided(w: Array, steps: Any, delay: float, turn: float = FINE_STEP) -> Arra
     if not points <= MOST_POINTS:
         raise TooManyTurns(
             f"the dead time turns the phase {points * turn / (2 * np.pi):.2g} times in the range to be searched, which "
-            "is too often; is the loop far from stable, or the sample time much shorter than the dead time?"
+            "is too often. Is the loop far from stable, or the sample time much shorter than the dead time?"
         )
     if points < w.size:  # no step has to be divided
         return w
@@ -265,11 +265,11 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return the grid, in which `points` divides the steps where \\|L\\| >= loud."""
+        """Return the grid after `points` has divided the steps where \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
-        """Return the grid, in which the function `divided` divides the selected steps."""
+        """Return the grid after the function `divided` has divided the selected steps."""
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property
@@ -318,7 +318,7 @@ class Axis(ABC):
     def supremum(
         self, kind: int, at_zero: float, at_end: float, weight: Callable[[Any], Any] | None = None
     ) -> tuple[float, float]:
-        """Return the supremum of weight * height, which may be a limit at an end of the axis, and its frequency."""
+        """Return the supremum of weight * height, including limits at the ends of the axis, and its frequency."""
         end = max(at_zero, at_end)
         peak, where = self.highest(kind, end / (1 - TO_AN_END), weight)
         if math.isnan(where):  # no peak is higher than the limits at the ends

@@ -85,7 +85,7 @@ def loop_factors(loop: Loop) -> LoopFactors:
 
 
 def from_roots(gain: float, zeros: Any, poles: Any, delay: float = 0.0) -> LoopFactors:
-    """Assemble the factors of a loop. A pole at 0 gets the speed of the slowest other pole."""
+    """Assemble the factors of a loop."""
     speeds = np.abs(poles)
     moving = [speed for speed in speeds.tolist() if speed > 0]
     speeds[speeds == 0] = min(moving) if moving else 1 / delay if delay else 1.0
@@ -122,8 +122,8 @@ class AxisInS(Axis):
 
         Notes
         -----
-        With L = N/D, f = D (1 + L) = N (1 + 1/L). Between two gain crossovers with \|L\| < 1, 1 + L stays right of the
-        imaginary axis. So the change of angle(f) is the change of angle(D) plus the change of angle(1 + L). With
+        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1 between two gain crossovers, 1 + L stays right of the
+        imaginary axis. So the change of angle(f) is the change of angle(D) plus the change of angle(1 + L). Where
         \|L\| > 1, the same holds for N and 1 + 1/L. Along a straight line, the angle of each factor s - root changes
         by less than half a turn, and the angle of e^(-s delay) changes by -delay times the change of ω. So the values
         at the gain crossovers suffice.

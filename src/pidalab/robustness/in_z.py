@@ -1,8 +1,8 @@
 r"""Evaluate a sampled loop along the unit circle, with exact dead time.
 
 Within a sample interval h, the delayed input v of the plant is constant, or constant in each of two pieces (see
-`statespace`). So :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function of the plant from
-sample to sample is
+`statespace`). With the delay :math:`m_j` of piece j in samples, the state is
+:math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function from sample to sample is
 
 .. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0}.
 

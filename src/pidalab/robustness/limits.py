@@ -21,13 +21,13 @@ holds, the loop comes to rest from every initial state. The theorem makes three 
   The residue of the pole must be positive, so that every small gain stabilises the loop. The theorem requires θ > 0 in
   this case. The circle criterion still suffices: ωG is bounded, so a positive margin remains positive with a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
-- The inequality is strict, also in the limits of ω to 0 and to infinity.
+- The inequality is strict, also in the limits for ω to 0 and to infinity.
 
 A dead time is allowed (Popov and Halanay, 1962). Both criteria are sufficient, not necessary: a loop that meets neither
 may still come to rest from every state.
 
-With the pole at 0, :math:`F = E/s`, and the real part in the criterion tends to :math:`E'(0) + \theta E(0)` for ω to 0,
-since :math:`F_r(0) = 1`. For the controllers of huba2024 this limit is
+With the pole at 0, write :math:`F = E/s`. Since :math:`F_r(0) = 1`, the real part in the criterion then tends to
+:math:`E'(0) + \theta E(0)` for ω to 0. For the controllers of huba2024 this limit is
 :math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative the circle criterion never holds. The
 limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
 """
@@ -100,7 +100,7 @@ class Criterion(NamedTuple):
     margin : float
         Infimum of Re[1 + (1 + jωθ) G(jω)], accurate to nine digits.
     frequency : float
-        Frequency of the infimum, in rad per time unit. If the infimum is only approached, this is 0 or infinite.
+        Frequency of the infimum, in rad per time unit. 0 or infinity if the infimum is only approached there.
     multiplier : float
         Multiplier θ, a time. 0 for the circle criterion.
     """
@@ -301,7 +301,7 @@ def smallest_filter_time(
     longest : float
         Longest filter time, above 0, at which the property must hold.
     shortest : float, optional
-        Shortest filter time, by default a thousandth of `longest`.
+        Filter time at which the search stops, by default a thousandth of `longest`.
 
     Returns
     -------

@@ -63,8 +63,8 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Only those with \\|L\\| >= 0.1 are listed. If \\|L\\| is at least 1 at all of these, crossovers with smaller
-        \\|L\\| are included. If the phase of an unstable loop turns more than about 300,000 times in this range of
+        Only those with \\|L\\| >= 0.1 are listed. If \\|L\\| is at least 1 at all listed crossovers, the list goes
+        on to smaller \\|L\\|. If the phase of an unstable loop turns more than about 300,000 times in this range of
         \\|L\\|, no phase crossovers are listed, and the gain margins are NaN.
     """
 
@@ -250,7 +250,7 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     loop : Loop
         The loop.
     quietest : float, optional
-        Least \\|L\\| of a returned crossover. (A continuous loop with dead time has infinitely many phase crossovers.)
+        Least \\|L\\| of a returned crossover of a continuous loop with dead time, which has infinitely many.
 
     Returns
     -------

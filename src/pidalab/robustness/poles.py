@@ -102,7 +102,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     """Return the closed-loop poles with the largest real parts, with exact dead time.
 
     The poles are approximated by collocation at Chebyshev points in the dead time, and refined by Newton's method on
-    the characteristic function. The argument principle proves that no pole further right is missing.
+    the characteristic function. The argument principle proves that all other poles lie further left.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         nodes *= 2
     if poles.size < count:
         raise ArithmeticError(
-            f"count must be at most {poles.size}, the poles right of {-FARTHEST / delay:.4g}, found {count}"
+            f"count must be at most {poles.size}, the number of poles right of {-FARTHEST / delay:.4g}, found {count}"
         )
     others = "their neighbours"
     if chain > -math.inf:

@@ -196,7 +196,7 @@ def _apply(path: Path, name: str, process: Any) -> Any:
 @click.option("--workers", default=2, type=click.IntRange(1), help="Processes in parallel.")
 @dialogue.out
 def benchmark_command(rule: str, out: Path | None, force: bool, **options: Any) -> None:
-    """Rank a rule of your own on 134 plants among all rules and the optima, in about a minute.
+    """Rank a rule of your own among all rules and the optima, for 134 plants, in about a minute.
 
     The function takes a process and returns a controller. The command runs the file, so use only code that you
     trust. With --out the command also writes the rows as CSV, the ranking as a LaTeX table, and a figure.

@@ -91,9 +91,9 @@ class Fit:
 
         The parameters are drawn from their joint uncertainty around several models: the fitted model, and models with
         a further lag, which in a record resembles a short dead time. Of twelve lags, those that raise the residuals by
-        at most 3 % are kept. Their median and the longest are used. (Of two lags, the longer counts as the median.) If
-        the fitted model has equal lags, "sopdt" models with further lags are used too. Around each model, the least
-        likely 5 % of the plants are left out.
+        at most 3 % are kept. Of these lags, the median and the longest are used. If the fitted model has
+        equal lags, "sopdt" models with further lags are used too. Around each model, the least likely 5 % of the plants
+        are left out.
 
         A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
         by a random part of the interval between the samples before and after a change. (An input that changes more than
@@ -153,8 +153,8 @@ class Fit:
         """Return the model and random plants that the record does not rule out, for a robust design.
 
         The random plants are those of `spread`. Their gain is raised by 15 % with a probability of three quarters, and
-        lowered by 15 % otherwise, since a record shows the gain at one working point only, and a sticking valve moves
-        less than it should.
+        lowered by 15 % otherwise, since a record shows the gain at one working point only. It is raised more often,
+        since the gain found with a sticking valve is too low.
 
         Parameters
         ----------
@@ -181,7 +181,7 @@ class Fit:
         return [self.process, *(Process(plant.num * gain, plant.den, plant.delay) for plant, gain in drawn)]
 
     def _squares(self, shape: Shape, values: Array) -> float:
-        """Return the sum of squared residuals of a model with these values and the best level and initial state."""
+        """Return the sum of squared residuals with these values, and with level, initial state and load fitted."""
         basis = self._data.basis(shape, values[1:].tolist())
         left = self._data.y - values[0] * basis[:, 0]
         left = left - basis[:, 1:] @ np.linalg.lstsq(basis[:, 1:], left, rcond=None)[0]
@@ -201,8 +201,8 @@ class Fit:
         """NRMSE of the hold-out data, predicted by a model that was fitted to the other data.
 
         The hold-out data are the last third of the record. If the input does not move in this third, the hold-out data
-        begin at the last change of the input. The result is nan if the input moves only once, or if the output hardly
-        moves in the hold-out data.
+        begin at the last change of the input. The result is nan if no model can be fitted to the other data, as with a
+        single step of the input, or if the output hardly moves in the hold-out data.
         """
         data = self._data
         level = np.cumsum(data.changes)
@@ -316,7 +316,8 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
         "fopdt" has one lag, "sopdt" two poles with damping, "lags" up to eight equal lags, "ipdt" an integrator,
         "ifopdt" an integrator with a lag, "sopdtz" two poles with a zero. Every model has a dead time. "auto" chooses
         the simplest identifiable model whose residuals are at most 3 % above those of the best model. It tries "ifopdt"
-        and "sopdtz" only if no load is fitted and the residuals of the other models exceed the noise.
+        and "sopdtz" only if no load is fitted, and the best of the other models is not identifiable or has residuals
+        above 1.1 times the noise.
     load : bool, optional
         If true, also fit size and time of a step of the load. This allows records of a loop at a constant set point.
 
@@ -396,7 +397,7 @@ def _explained(record: Record, data: FitData, tried: Sequence[FitResult]) -> boo
 
 
 def _choice(tried: Sequence[FitResult], settled: Sequence[FitResult]) -> tuple[FitResult, str]:
-    """Choose the simplest candidate with residuals up to `settled[0].near`. Return it and the reason as a sentence."""
+    """Return the simplest candidate with residuals up to `settled[0].near`, and the reason for the choice."""
     near = [candidate for candidate in settled if candidate.deviation <= settled[0].near]
     chosen = min(near, key=lambda candidate: (candidate.values.size, candidate.cost))
     least: dict[str, float] = {}

@@ -121,15 +121,13 @@ LAGGED = Shape(
 SHAPES = {shape.name: [shape] for shape in (FIRST_ORDER, SECOND_ORDER, INTEGRATOR, LAGGED, ORDER_WITH_ZERO)}
 SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 
-# A record with more changes of the input than this is resampled to a uniform grid. In other records each change is
-# simulated separately.
-MOST_CHANGES = 60
+MOST_CHANGES = 60  # a record with more changes of the input is resampled to a uniform grid
 MOST_SAMPLES = 4000  # in a longer record, neighbouring samples are averaged
 SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
 BETTER = 0.03  # a model with more parameters must lower the residuals by this share
 NONE = 1e-3  # a dead time shorter than this share of a sampling interval is set to 0
 LEVEL = 1  # index in `FitResult.values` of the level, a constant that is added to the output
-DESCENTS = 6  # number of descents from different starts; the best of them is refined
+DESCENTS = 6  # number of descents from different starts
 # A search ends when relative changes are below this: SKETCHED for the descents, FINISHED to refine the best of them.
 SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
@@ -209,7 +207,7 @@ def prepared(record: Record) -> FitData:
     unseen = float(np.mean(intervals[changed]))
     moments, changes = t[changed], moved[changed]
     if t.size > MOST_SAMPLES:
-        # Average neighbours. This reduces noise, and the response is almost straight within so short a time.
+        # This reduces noise, and the response is almost straight within so short a time.
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
     return FitData(t, y, changes, moments, unseen, 0.0, free)
@@ -237,7 +235,7 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """A model counts as equally good if the root mean square of its residuals is at most this."""
+        """Another model counts as equally good if the root mean square of its residuals is at most this."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
@@ -357,7 +355,7 @@ def loaded(data: FitData) -> FitData:
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
     """Return the models of `_hidden`, which have a further lag that the record does not rule out.
 
-    If the fitted model has equal lags, add those of `SECOND_ORDER`, which responds almost equally.
+    If the fitted model has equal lags, add such models of `SECOND_ORDER`, whose response is almost the same.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)
@@ -367,7 +365,7 @@ def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
 
 
 def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
-    """Return the models with the median and the longest lag that fit. Of two lags, the longer counts as the median."""
+    """Return models with a further lag: of the lags that fit, the median (the longer of two) and the longest."""
     *times, delay = result.values[2:].tolist()
     # `whole` is at least one sample, since an integrator without dead time can hide a lag of one sample.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))

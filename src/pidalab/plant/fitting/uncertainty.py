@@ -116,7 +116,7 @@ def closed_loop_factor(record: Record, result: FitResult) -> float:
     Notes
     -----
     White noise does not bias a fit from u to y. Slower disturbances bias it by an amount that the record does not show.
-    The factors were calibrated with simulated loops of random first-order plants, as in the tests. The gain has the
+    The factors were calibrated with simulated loops of random first-order plants. The gain has the
     largest errors. The 95 % quantile of (error of the gain) / (1.96 standard uncertainties) is 1.22 in 99 loops with
     white noise, and 6.8 in 114 loops with a wandering load. The factors are these numbers, rounded up. In other random
     loops, at least 90 % of all intervals contained the true value of their parameter.

@@ -1,4 +1,4 @@
-"""Store a record of a plant, and find its steps, rest level, noise and *doubts*, which are reservations."""
+"""Store a record of a plant. Find the steps of its input, the rest level, the noise and *doubts* (reservations)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ class Noise(NamedTuple):
     deviation : float
         Standard deviation, in the unit of y.
     correlation : float
-        Correlation of neighbouring samples. It is 0 for white noise and near 1 for a slow disturbance.
+        Correlation of neighbouring samples, after subtraction of a line if the output drifts. It is 0 for white noise
+        and near 1 for a slow disturbance.
     samples : int
         Number of samples before the first change of the input, or 0 if there are fewer than 8. If it is 0, the
         deviation is computed from second differences of all samples.
@@ -48,8 +49,8 @@ class Noise(NamedTuple):
 class Record:
     """Times, input and output of a plant. The data are cleaned, and `doubts` says how.
 
-    Samples with a missing value are left out, times are sorted, outputs of the same time are averaged, and a counter
-    that restarts is continued. Nothing is smoothed or resampled.
+    Samples with a missing value are left out, times are sorted, outputs of the same time are averaged, and a time
+    counter that restarts is continued. Nothing is smoothed or resampled.
 
     Parameters
     ----------
@@ -79,7 +80,8 @@ class Record:
         Output at rest, before the first change of the input.
     noise : Noise
     at_rest : bool
-        True if the plant was at rest when the input first moved. This is assumed if the record begins with a step.
+        True if the plant was at rest when the input first moved. This is assumed if the record begins with a step or
+        `u_before` is given.
     outlier_note : str
         List of outliers. Empty if there are none, or if `outliers` is given.
     doubts : tuple of str
@@ -178,8 +180,8 @@ class Record:
     ) -> Record:
         """Read a record from a delimited text file, such as an export of a process historian.
 
-        A row of units, per cent signs, brackets, thousands separators and lines after the last number are recognised.
-        Doubts say what was changed.
+        The file may contain a row of units, per cent signs, brackets, thousands separators, and text after the last
+        row of numbers. Doubts list what was assumed, converted or left out.
 
         Parameters
         ----------
@@ -203,7 +205,6 @@ class Record:
         Returns
         -------
         Record
-            The record, with its `time_unit` and `date` if the file has them.
 
         Raises
         ------
@@ -281,8 +282,8 @@ class Record:
         Returns
         -------
         t, u, y : ndarray, shape (n,)
-            Times from 0 on, one median interval apart, the held input, and the interpolated output. The input is
-            constant until its first step.
+            Times that start at 0 and are one median interval apart, the held input, and the interpolated output. The
+            input is constant until its first step.
 
         Examples
         --------
@@ -398,7 +399,7 @@ def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
     try:
         clock = read_columns(*source)
     except ValueError:
-        return []  # this column does not exist or does not contain times
+        return []  # the file has no column of times
     steps, name = np.diff(clock.values[0]), clock.names[0] or clock.places[0]
     interval = float(np.median(steps)) if steps.size and clock.places[0] not in taken else np.nan
     if not interval > 0 or np.any(steps < 0) or abs(interval / period - 1) < SAME_PERIOD:
@@ -412,7 +413,7 @@ def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
 
 
 def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float, Noise, bool]:
-    """Return level and noise of y before the first change of u, and True if y is known to be at rest then."""
+    """Return level and noise of y before the first change of u, and True if this part of y is known to be at rest."""
     rounding = _quantum(whole) / np.sqrt(12)
     if y.size < 8:
         # A smooth response almost vanishes from second differences, but the noise does not.
@@ -421,12 +422,12 @@ def _at_rest(t: Array, y: Array, whole: Array, doubts: list[str]) -> tuple[float
         return float(np.median(y if y.size else whole[0])), Noise(max(deviation, rounding), 0.0, 0), False
     residual = y - y.mean()
     deviation = float(residual.std(ddof=1))
-    drift = abs(float(np.polynomial.Polynomial.fit(t, y, 1)(t[[0, -1]]) @ [-1.0, 1.0]))
+    line = np.polynomial.Polynomial.fit(t, y, 1)
+    drift = abs(float(line(t[[0, -1]]) @ [-1.0, 1.0]))
     drifting = bool(deviation) and drift > 2 * deviation and drift > 0.02 * np.ptp(whole)
     if drifting:
         doubts.append(doubt("drifting", drift=drift))
-        residual = np.diff(y, 2)
-        deviation = float(residual.std()) / np.sqrt(6)
+        residual, deviation = y - line(t), float(np.diff(y, 2).std()) / np.sqrt(6)
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual)) if deviation else 0.0
     return float(y.mean()), Noise(max(deviation, rounding), correlation, y.size), not drifting
 

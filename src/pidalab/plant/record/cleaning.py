@@ -118,7 +118,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first sample of each run. Runs are long, and each begins where the time goes far back."""
+    """Return the first sample of each run. A run has at least `FEWEST` samples, and begins as `OVERLAP` says."""
     edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
     rising = np.diff(t)[np.diff(t) > 0]
     usual = float(np.median(rising)) if rising.size else 0.0
@@ -131,7 +131,7 @@ def run_starts(t: Array) -> list[int]:
 
 
 def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
-    """Raise if the input is a copy of the output, or if it is a clock or counter and `ramp` is false."""
+    """Raise if the input is a copy of the output. If `ramp` is false, also raise if it is a clock or a counter."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
     remedy = "name the column of the plant's input (--u); without the input no model can be fitted"
@@ -167,8 +167,8 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    An interval is left out if the output slows down before it, or if the output moves so slowly that it only waits
-    for the next rounding step.
+    An interval is left out if the output slows down before it, or if it moves so slowly that only its rounded value
+    stands still.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -221,7 +221,7 @@ def _first_few(entries: Sequence[str]) -> str:
 
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
-MANY = 12  # u has no separate steps if, rounded to a hundredth of its span, it has at least this number of levels
+MANY = 12  # u has no separate steps with this number of levels or more (rounded to 1 % of its span)
 FOLLOWS = 0.98  # u follows y if y and its integral explain more than this share of the variance of u
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
@@ -251,7 +251,7 @@ def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
     span = np.ptp(u)
     quiet = np.abs(np.diff(u)) <= 0.02 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet, [0]]).astype(int)))
-    runs = [  # samples a to b are one level, unless u slowly moves by more than CREEP * span
+    runs = [  # samples a to b are one level if u moves by at most CREEP * span
         (a, b)
         for a, b in edges.reshape(-1, 2)
         if b - a >= SHORTEST_LEVEL - 1 and np.ptp(np.quantile(u[a : b + 1], [0.02, 0.98])) <= CREEP * span

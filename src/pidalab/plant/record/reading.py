@@ -19,13 +19,13 @@ MISSING = {"", "-", "?", "nan", "na", "n/a", "#n/a", "null", "none", "unavailabl
 MISSING |= {"bad", "bad input", "no data", "i/o timeout"}
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 BRACKETS = " \t[]{}();'\""
-# the beginning of dates and times of day
+# This matches the beginning of a date or a time of day.
 STAMP = re.compile(r"(\d{1,4}[-/.]\w{1,9}[-/.]\d{1,4}([T ]\d|$)|\d{1,2}:\d\d)")
 GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas separate thousands
 BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # blanks separate thousands
 # In a number with a decimal comma, points may only separate thousands.
 WITH_COMMA = re.compile(r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-# This sign follows a number. Blanks before the sign are removed separately, which keeps the search linear.
+# A per cent or degree sign after a number. Blanks before it are removed separately, which keeps the search linear.
 SIGN = re.compile(r"(%|°\s{0,9}[CF]?)$")
 
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
@@ -33,7 +33,7 @@ DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y",
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
 DAY = 86400.0  # seconds
-# Times above 1e8 s, the year 1973, are counted from 1970 in one of these units.
+# Times above 1e8 s (the year 1973) are assumed to count from 1970, in one of these units.
 EPOCHS = {"nanoseconds": 1e9, "microseconds": 1e6, "milliseconds": 1e3, "s": 1.0}
 UNIT = re.compile(
     r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
@@ -127,7 +127,7 @@ def read_columns(
         if name is None and place not in _places(role, header)
     ]
     if guessed and (count := sum(map(bool, header)) or width) > len(PLACES):
-        doubts.append(f"{', '.join(guessed)}: assumed, since none was given; the file has {count} columns")
+        doubts.append(f"{', '.join(guessed)}: assumed, since not specified; the file has {count} columns")
     numbers = np.array([k for k in range(first, len(rows)) if any(rows[k])])
     entries = [[rows[k][place] if place < len(rows[k]) else "" for k in numbers] for place in places]
     comma = mark != "," and _has_decimal_commas(entries)
@@ -292,7 +292,7 @@ def _places(name: str, header: Sequence[str]) -> list[int]:
 
 
 def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
-    """Return True if some numbers have commas and none has a decimal point. Dates may contain both."""
+    """Return True if some numbers have commas and none has a decimal point. Dates do not count."""
     entries = [bare(x) for column in columns for x in column[:200]]
     entries = [entry for entry in entries if not math.isnan(_either(entry))]
     pointed = any("." in entry and not GROUPED.fullmatch(entry.replace(".", ",")) for entry in entries)
