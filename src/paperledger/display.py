@@ -109,7 +109,7 @@ def grid(
     heading: int = 0,
     notes: Sequence[str] = (),
 ) -> Display:
-    """Make a table of the class ``ledger-<kind>`` from rows of cells. A terminal shows `notes` to the right of the rows.
+    """Make a table of the class ``ledger-<kind>`` from rows of cells. A terminal shows `notes` right of the rows.
 
     >>> grid("demo", ["rule", "gain"], [[words("SIMC"), number("1.5")]])
     rule  gain

@@ -19,7 +19,7 @@ REASON = "a reason of five words"
         (KP, {"printed": "12 %"}, "'12 %' is not a plain number"),
         (KP, {"computed": "holds"}, "'holds' is not a plain number"),
         (KP, {"verdict": "good"}, "file is good, but .* gives reproduced"),
-        (KP, {"verdict": "approximate"}, "file is approximate, but .* gives reproduced"),  # without a tolerance
+        (KP, {"verdict": "approximate"}, "is approximate, but .* gives reproduced"),  # without a tolerance
         (KP, {"note": "tolerance 6 %"}, "the tolerance .* is wider than 5 % of 1.31"),
         (KP, {"note": "tolerance 1 %"}, "file is reproduced, but .* gives approximate"),
         (KP, {"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
