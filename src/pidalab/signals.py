@@ -17,7 +17,7 @@ from pidalab._check import Array
 
 Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
-SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, divided by the largest of all errors
+SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, divided by the largest of all
 BLOCK = 8192  # sample intervals whose integrals are computed together
 FEWEST_JUDGED = 20  # fewer samples are not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
