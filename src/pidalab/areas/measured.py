@@ -132,12 +132,12 @@ def from_record(
     Sampling with step h causes only one error that matters. If the slope of y jumps by y', as with a single lag, the
     error of A_1 is about h² y'/12.
 
-    The end of the record counts as a steady state if none of five decaying exponentials, with time constants of 1/32 to
-    1/2 of its length, is found in it. The end is divided into sixteen pieces. An exponential is found if its component
-    in the means of the pieces exceeds 2.5 standard deviations. A decaying oscillation appears in the means of the
-    squares, where the limit is 5 standard deviations. Noise hides smaller transients, which would make all areas too
-    small. Therefore the time from the first move of the input to the steady state is made a tenth longer. The final
-    levels are means of the steady state, and the integrals end where it begins.
+    The last section of the record counts as a steady state if none of five decaying exponentials is found in this
+    section. Their time constants are 1/32 to 1/2 of its length. The section is divided into sixteen pieces. An
+    exponential is found if its component in the means of the pieces exceeds 2.5 standard deviations. A decaying
+    oscillation appears in the means of the squares, where the limit is 5 standard deviations. Noise hides smaller
+    transients, which would make all areas too small. Therefore the time from the first move of the input to the steady
+    state is made a tenth longer. The final levels are means of the steady state. The integrals end where it begins.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
     :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of the tail follows from the

@@ -32,7 +32,7 @@ def at_equal_terms(
     The ratios of the gains, and so ti, td and ta, do not change. The filters of the rule are replaced by the filter of
     the optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, where m is the order of the highest derivative. :math:`T_f`
     is the shortest filter time that keeps the noise gain within its limit, but at least the sample time. The gain is
-    the largest for which Ms is not exceeded.
+    the largest with which Ms is at most `ms`.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from pidalab.rules._design import Design
 OSCILLATING = 0.05
 # A zero 1 + T s is paired with a shorter lag only if T / lag is below this.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
-MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # limit and tolerance of the iteration for the effective dead time
+MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # most steps, and tolerance, for the effective dead time
 
 
 def simc(

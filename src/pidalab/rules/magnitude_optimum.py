@@ -45,7 +45,7 @@ MO_SOURCES = {
     "filter_time": "chosen",
     "static_gain": "eq. (6)",
     "ie": "eq. (37)",
-    "uncertainty": "from that of the areas",
+    "uncertainty": "from the covariance of the areas",
 }
 UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
 MOST_UPDATES = 300  # number of updates of the filter time before an error is raised

@@ -57,7 +57,7 @@ class Rule:
     source : str
         Paper and equations.
     models : mapping
-        Name of the model for each kind of controller, from the table above.
+        Name of the model for each kind of controller, from the table of this module.
     design : callable
         Function of a model, a kind and `Requirements` that returns a `Design`.
     short : str
