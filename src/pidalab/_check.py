@@ -63,7 +63,7 @@ def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return the hint ``; pass its .process`` (or .model, .controller) if this attribute is a `kind`, else no text."""
+    """Return a hint such as ``; pass its .process`` if this attribute of `value` is a `kind`, else an empty string."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"

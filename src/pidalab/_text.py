@@ -46,7 +46,7 @@ def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> st
     text : str
         Text from outside.
     longest : int, optional
-        Largest number of characters. A longer text is cut and ends in three points.
+        Largest number of characters. A longer text is cut and ends in "...".
     marks : str, optional
         Allowed punctuation.
 
