@@ -7,8 +7,8 @@ Method.
   * Blocks between a hold and a sampler: the denominator is the characteristic polynomial of the matrix exponential of
     the companion matrix. The numerator is the product of the denominator and the pulse response, which comes from
     integrals of G(s)/s e^{st} over circles around all poles (see make_delay_loops.py).
-  * Margins: on the unit circle functions are quotients of polynomials in y = 1 - cos(wh). The zeros of polynomials between
-    0 and 2 are isolated with proof, and found by Newton's method (quasipolynomials.py).
+  * Margins: on the unit circle functions are quotients of polynomials in y = 1 - cos(wh). The zeros of polynomials
+    between 0 and 2 are isolated with proof, and found by Newton's method (quasipolynomials.py).
   * Noise gain: Parseval's integral by Astrom's recursion, which is exact.
   * Responses: the difference equations.
 

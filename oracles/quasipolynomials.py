@@ -181,8 +181,8 @@ class Quasi:
     def zeros_between(self, low, high):
         """Return all zeros between two numbers, which must not be zeros.
 
-        An interval of centre m and radius r has no zero if |f(m)| > r |f'(m)| + r^2/2 max|f''|. If |f'(m)| > r max|f''|,
-        f is monotonic, and the signs at the ends decide. Otherwise the interval is halved.
+        An interval of centre m and radius r has no zero if |f(m)| > r |f'(m)| + r^2/2 max|f''|. It has at most one if
+        |f'(m)| > r max|f''|, and the signs at the ends decide. Otherwise the interval is halved.
         """
         first, second = self.slope(), self.slope().slope()
         todo, found = [(low, high)], []
