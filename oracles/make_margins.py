@@ -169,11 +169,12 @@ def all_margins(f):
         assert flat < 1
         out |= {"gm": 1 / flat, "gm_low": mpf(0), "wpc": inf, "candidates": []}
         out |= {"ms": 1 / (1 - flat), "mt": flat / (1 - flat), "wms": inf, "wmt": inf}
-        out["mks"], out["wmks"] = None, None  # approached at infinity, or not: not proved here
+        out["mks"], out["wmks"] = None, None  # not decided here: the supremum may lie at infinity
         return out
     most, phase, small = QUIETEST if flat < QUIETEST else (1 + flat) / 2, None, []
     while phase is None or (late and max(small, default=0) < most):
-        if phase is not None:  # continue to where |L| is below the largest found, or nearer to |L(inf)|
+        # Extend the range to where |L| is below the largest |L| found, or nearer to |L(inf)|.
+        if phase is not None:
             most = max(small, default=flat + (most - flat) / 10)
         phase = f.phase_crossovers(f.quiet_beyond(most))
         sizes = [fabs(f.L(w)) for w in phase]

@@ -326,9 +326,7 @@ class Relation:
         convention = " | ".join(marks[:-1] if some or parts else marks)
         if sign not in _BOUNDS.get(convention, ()):
             known = f"{', '.join(CONVENTIONS)}, and 'residual <= 1e-9 | rounding' for an identity"
-            raise LedgerError(
-                f"relation {text!r}: {sign} does not allow {convention!r}; conventions: {known}"
-            )
+            raise LedgerError(f"relation {text!r}: {sign} does not allow {convention!r}, only {known}")
         if not parts:
             return cls(left, sign, right, convention, some)
         if convention == ROUNDING:
