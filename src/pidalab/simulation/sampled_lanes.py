@@ -1,7 +1,7 @@
 """Simulate many sampled loops in parallel, and compute their measures during the simulation.
 
 The loops have the same plant, limits and inputs but different controllers. Each variable is a row of `LANES` numbers,
-one for each loop (a lane). Every operation acts on whole rows, which compiles to vector instructions. The result in a
+one for each loop (its lane). Every operation acts on whole rows, which compiles to vector instructions. The result in a
 lane does not depend on the other lanes.
 """
 
