@@ -171,7 +171,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     """Return a uniform time grid that starts at 0."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
-        raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract that time")
+        raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract this from all times")
     step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")

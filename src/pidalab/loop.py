@@ -324,7 +324,7 @@ class Loop:
         return y if output == "y" else u
 
     def frequency_response(self, frequencies: ArrayLike | None = None) -> control.FrequencyResponseData:
-        """Return L on a grid of frequencies for python-control, with exact dead time.
+        """Return L on a grid of frequencies for plots of python-control, with exact dead time.
 
         Parameters
         ----------
@@ -335,7 +335,6 @@ class Loop:
         Returns
         -------
         control.FrequencyResponseData
-            Frequency response for the plots of python-control.
 
         Raises
         ------

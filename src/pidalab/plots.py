@@ -28,8 +28,8 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
-LINE_POINTS = 4000  # largest number of points of a line; a vector file drops invisible points
-NOISY_POINTS = 400  # largest number for a noisy line, whose points are nearly all visible
+LINE_POINTS = 4000  # largest number of points of a line; a vector file stores only the visible points
+NOISY_POINTS = 400  # largest number of points of a noisy line, since nearly all are visible
 
 
 def use_book_style() -> None:

@@ -23,10 +23,10 @@ class Response(Signals):
     given by `area`. So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
 
     Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. If this
-    takes too many points, a warning is issued. For a record with a given `area`, measures of y and e are compared with
-    those from every second sample. If the relative difference exceeds 3e-3, a warning is issued. There is no such test
-    for records with noise, for records without `area`, and for u of records that were not simulated. In these cases, a
-    step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
+    takes too many points and the estimated relative error exceeds 1e-3, a warning is issued. For a record with a given
+    `area`, measures of y and e are compared with measures of every second sample. If the relative difference exceeds
+    3e-3, a warning is issued. Records with noise, records without `area`, and u of records that were not simulated are
+    not tested. For these, a step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
 
     Parameters
     ----------

@@ -401,7 +401,6 @@ def step_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        Response, as from `simulate` with ``setpoint=1.0``.
 
     Examples
     --------
@@ -425,7 +424,6 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        Response, as from `simulate` with ``load=1.0``.
 
     Examples
     --------

@@ -312,7 +312,7 @@ def portrait(
     plant = plant_steps(loop.process, h, Actuator(*at_rest, 0.0, 0))
     rest = _state_of_rest(loop, bank, at_rest, r[-1], d[-1])
     require_executor(executor)
-    # The kernels need whole groups of lanes, so copies of the last set fill the last group.
+    # Kernels compute groups of `LANES` sets, so copies of the last set fill the last group.
     sets = math.prod(bank.shape)
     places = np.minimum(np.arange(-(-sets // LANES) * LANES), sets - 1)
     size = -(-places.size // (TASKS * LANES)) * LANES

@@ -57,7 +57,7 @@ def simulate_sampled(
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
     step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead of at rest.
     To start it at rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and
-    every prefilter are discretised for held inputs with this sample time. All signals and limits are relative to the
+    every prefilter are discretised for held inputs with the step of `t`. All signals and limits are relative to the
     state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
@@ -75,8 +75,7 @@ def simulate_sampled(
     setpoint, load, noise : float or array_like, shape (n,), optional
         As for `simulate`.
     limits : tuple of float, optional
-        Smallest and largest control signal. 0 must lie between them or be one of them. The limits of a `SeriesPIDA`
-        also apply.
+        Smallest (at most 0) and largest (at least 0) control signal. The limits of a `SeriesPIDA` also apply.
     plant : Process or AsymmetricPlant, optional
         Plant to simulate instead of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
