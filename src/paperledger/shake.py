@@ -413,7 +413,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     if _rounded(row, new):
         return f"is rounded by the page, {value}"
     if far < PRINTED and row.basis != "from-print":
-        return f"moves by {far:.1e}, as little as printed numbers: the basis must be from-print"
+        return f"moves by {far:.1e}, as little as printed numbers: declare from-print, not {row.basis}"
     return ""
 
 

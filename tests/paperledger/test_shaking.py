@@ -98,7 +98,7 @@ GUILTY = {  # a row that a page passes as computed, and the resulting message
     "stored": ("float(row('stored').computed or 1.37)", "stays at"),
     "quotient": ("p('quotient') * C.kp / C.kp", "is its own printed number"),
     "nothing": ("p('nothing') + 0.0 * C.kp", "is its own printed number"),
-    "other": ("p('own') * 1.001", "as little as printed numbers: the basis must be from-print"),
+    "other": ("p('own') * 1.001", "as little as printed numbers: declare from-print"),
     "tenth": ("p('tenth') + 0.1 * (C.kp - p('tenth'))", "when only printed numbers change"),
     "tuned": ("C.kp * p('text') / 1.37", "when only printed numbers change"),
     "mixed": ("p('mixed') + 1e-3 * (C.kp - p('mixed'))", "as little as printed numbers"),
