@@ -11,7 +11,7 @@ slack), one for each active limit at its peak. Newton's method solves these equa
   * The IAE and its slopes are integrals of these series from zero to zero of y, until the response has decayed.
   * Limits and their slopes are those of make_limited_optima.py, in high precision.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no transform, no search, no grid of frequencies, no exponential.
   * Half the step changes no value by more than 1e-10.
   * y agrees with the finite delay series of make_delay_loops.py at some times, and its integral is 1/K_-1.

@@ -8,7 +8,7 @@ Method. At an optimum, the gradient of the IAE by gains and T is a sum of multip
 each active limit at its peak. Newton's method solves these equations with 60 digits. Poles come from polyroots, slopes
 of poles and residues from closed forms.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no transform, no search, no grid of frequencies.
   * By make_margins.py, the loop with gains and T rounded to doubles is stable, and its active limits are met to 1e-12.
   * The multipliers are positive, so a relaxed limit reduces the IAE.

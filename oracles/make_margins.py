@@ -13,7 +13,7 @@ and Marshall decides stability. It counts the unstable poles without dead time. 
 poles cross the axis only at gain crossovers, at known dead times. The sign of the slope of |D|^2 - |N|^2 gives their
 direction.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no grid, no tracking of a phase, no argument principle, no minimiser.
   * Coefficients and dead time are the exact values of the stored doubles.
   * Bounds of the second derivative prove that no zero is missed. Polynomials whose coefficients around W are all

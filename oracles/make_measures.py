@@ -6,7 +6,7 @@ Method.  On each step, a fraction of the dead time, the series of the past contr
 power series. Each series is cut off below 1e-45. The zeros of the error and of the slopes of y and u on each step are
 isolated by bounds of the second derivative. Between zeros, |e| is integrated as a polynomial.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no matrix exponential, no samples, no parabolas between them.
   * Everything is computed again with half the step, and agrees to 1e-30.
   * y and u at some times agree to 1e-25 with the finite series of make_delay_loops.py.

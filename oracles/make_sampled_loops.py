@@ -12,7 +12,7 @@ Method.
   * Noise gain: Parseval's integral by Astrom's recursion, which is exact.
   * Responses: the difference equations.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no state space of its blocks, no grid, no argument principle, no
     sum over a simulation.
   * The denominator and the pulse response are computed independently. If they did not match, their product would not

@@ -151,8 +151,8 @@ class Ledger:
         Raises
         ------
         LedgerError
-            With a line for each wrong value. A value is wrong if its id is unknown, if it is not finite, if it differs
-            from the stored value or changes the verdict, or if it agrees although a disagreement was declared.
+            With a line for each wrong value: the id is unknown, or the value is not finite, differs from the
+            stored value, changes the verdict, or agrees although a disagreement was declared.
 
         Examples
         --------

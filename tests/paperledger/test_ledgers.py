@@ -50,7 +50,7 @@ def test_the_instructions_of_the_page_are_sufficient(tmp_path):
             check=False,
         )
         if words[3] == "shake" and not hasattr(os, "fork"):
-            assert "takes a system that can fork processes" in run.stderr
+            assert "needs a system that can fork processes" in run.stderr
             continue
         assert re.search(SAID[words[3]], run.stdout + run.stderr), run.stdout + run.stderr
         if words[3] == "update":  # a person has to declare the verdict
