@@ -91,7 +91,7 @@ class Rule:
         kind : str
             One of `kinds`.
         requirements : Requirements, optional
-            Each rule uses Ms, or noise gain and sample time, or nothing.
+            Ms, or noise gain and sample time. A rule ignores the requirements that it does not support.
 
         Returns
         -------

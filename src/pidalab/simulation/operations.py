@@ -104,7 +104,7 @@ class _Compiler:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
             # Let the last operation write to the target directly, except if it also reads the target.
-            # Parallel loops would then not be independent.
+            # In that case parallel loops would not be independent.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])

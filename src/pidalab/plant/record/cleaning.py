@@ -105,7 +105,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
         k = starts[1]
         raise ValueError(
             f"the times go back at {where[k]}, from {t[k - 1]:.6g} to {t[k]:.6g}: the file holds {len(starts)} runs, "
-            f"or its clock was set back; choose a run by run = 1 to {len(starts)} (--run), or split the file"
+            f"or its clock was set back; choose a run with run = 1 to {len(starts)} (--run), or split the file"
         )
     k = int(np.argmax(back)) + 1
     if float(np.mean(t < np.maximum.accumulate(t))) > DISORDER:
