@@ -1,6 +1,6 @@
 """Compare a portrait (10,000 loops, 60,000 samples each) with single simulations by python-control.
 
-The controllers are near that of huba2024, eq. (25). The responses are load steps on an integrator with dead time,
+The controllers are near the controller (25) of huba2024. The responses are load steps on an integrator with dead time,
 T_s = 0.001, as in the paper's Fig. 3. The portrait is timed on all processors, and with one and two workers.
 python-control integrates a few of these loops one after the other, in continuous time with a Padé approximation of the
 dead time. Its time for all loops is extrapolated. Results are written to book/data/portrait_comparison.csv.

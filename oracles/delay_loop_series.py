@@ -81,7 +81,7 @@ def circles(case, digits):
     """Return the circles (centre, radius), a first number of nodes, and log10 of the largest integrand.
 
     The error of the trapezoidal rule is the integrand on a smaller or larger circle, times ratio_of_radii^points. Of a
-    list of radii, the one that needs fewest points is taken.
+    list of radii, the radius that needs fewest points is taken.
     """
     spans = []
     for group in clusters(case):

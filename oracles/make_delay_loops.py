@@ -16,7 +16,7 @@ Method.  The inverse of a rational function is the sum of its residues: (1/2 pi 
 times e^{st} over circles around its poles. The trapezoidal rule on a circle converges geometrically, needs no exact
 poles, and tolerates multiple poles, as in high powers of Q. Stiff loops get one circle per magnitude of poles.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no state space, no matrix exponential, no step-by-step solution, no
     approximation of the dead time.
   * Coefficients, dead time and times are the exact values of the stored doubles.

@@ -11,16 +11,17 @@ slack), one for each active limit at its peak. Newton's method solves these equa
   * The IAE and its slopes are integrals of these series from zero to zero of y, until the response has decayed.
   * Limits and their slopes are those of make_limited_optima.py, in high precision.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no transform, no search, no grid of frequencies, no exponential.
-  * With half the step all values are the same to 1e-10.
+  * Half the step changes no value by more than 1e-10.
   * y agrees with the finite delay series of make_delay_loops.py at some times, and its integral is 1/K_-1.
-  * The slopes of the IAE agree with its differences.
+  * The slopes of the IAE agree with differences of the IAE.
   * By make_margins.py, the loop with gains and T rounded to doubles is stable, and its Ms and Mks are the limits to
     1e-9.
   * The multipliers are positive, so a relaxed limit reduces the IAE. `prices` is -d ln(IAE)/d ln(limit).
-  * Of 1000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE. A
-better optimum elsewhere is not excluded. Run: python oracles/make_delayed_optima.py
+  * Of 1000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE.
+    A better optimum elsewhere is not excluded.
+Run: python oracles/make_delayed_optima.py
 """
 
 import math

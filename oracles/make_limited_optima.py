@@ -1,21 +1,21 @@
 """Make limited_optima.json: PI, PID and PIDA with the least IAE under limits of Ms and Mks, to 30 digits.
 
 The loop has no dead time, so that y after a step of the load is a sum of exponentials, and the IAE a sum over the zeros
-of y. The controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1). T is unknown, or given if the search of the
-library is at its shortest filter.
+of y. The controller is (K_-1/s + K_0 + ... + K_m s^m)/(T s + 1)^(m+1). T is unknown, or
+given if the search of the library ends at its shortest filter.
 
 Method. At an optimum, the gradient of the IAE by gains and T is a sum of multiplier * (gradient of the slack), one for
 each active limit at its peak. Newton's method solves these equations with 60 digits. Poles come from polyroots, slopes
 of poles and residues from closed forms.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no transform, no search, no grid of frequencies.
   * By make_margins.py, the loop with gains and T rounded to doubles is stable, and its active limits are met to 1e-12.
   * The multipliers are positive, so a relaxed limit reduces the IAE.
   * The IAE agrees with a sum over samples, and its slopes with differences of the IAE.
-  * Of 4000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE. A
-better optimum elsewhere is not excluded. If the program under test found one, the test would fail. Run: python
-oracles/make_limited_optima.py
+  * Of 4000 controllers that differ by up to a fifth in each unknown, none that keeps the limits has a smaller IAE.
+    A better optimum elsewhere is not excluded. If the program under test found it, the test would fail.
+Run: python oracles/make_limited_optima.py
 """
 
 import numpy as np

@@ -2,15 +2,16 @@
 
 As in make_margins.py, zeros are isolated with proof.
 
-  circle The infimum of Re[1 + G]: the least of its limit at 0 and its values at zeros of its slope. Popov With the
-  multiplier x the function is 1 + Re G - x w Im G. Where Im G = 0 it does not depend on x, so no
+  circle   The infimum of Re[1 + G]: the least of its limit at 0 and its values at zeros of its slope.
+  Popov    With the multiplier x the function is 1 + Re G - x w Im G. Where Im G = 0 it does not depend on x, so no
            multiplier has a margin above 1 + Re G there. The script takes the multiplier that makes the slope 0 at such
-           a frequency, and shows that the infimum is there. So it is the best one.
+           a frequency, and shows that the infimum is there. So this multiplier is the best.
   filter   The time constant of the filter of a PD controller at which a pair of poles reaches the axis, by Newton's
            method for frequency and time constant. By the method of Walton and Marshall, the loop is stable a millionth
            above this time constant, and unstable a millionth below it.
 
-Closed forms are compared to 40 digits. The script fails if a check fails.  Run: python oracles/make_limits.py
+Closed forms are compared to 40 digits. The script fails if a check fails.
+Run: python oracles/make_limits.py
 """
 
 from fractions import Fraction

@@ -13,7 +13,7 @@ and Marshall decides stability. It counts the unstable poles without dead time. 
 poles cross the axis only at gain crossovers, at known dead times. The sign of the slope of |D|^2 - |N|^2 gives their
 direction.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no grid, no tracking of a phase, no argument principle, no minimiser.
   * Coefficients and dead time are the exact values of the stored doubles.
   * Bounds of the second derivative prove that no zero is missed. Polynomials whose coefficients around W are all
@@ -169,11 +169,12 @@ def all_margins(f):
         assert flat < 1
         out |= {"gm": 1 / flat, "gm_low": mpf(0), "wpc": inf, "candidates": []}
         out |= {"ms": 1 / (1 - flat), "mt": flat / (1 - flat), "wms": inf, "wmt": inf}
-        out["mks"], out["wmks"] = None, None  # approached at infinity, or not: not proved here
+        out["mks"], out["wmks"] = None, None  # not decided here: the supremum may lie at infinity
         return out
     most, phase, small = QUIETEST if flat < QUIETEST else (1 + flat) / 2, None, []
     while phase is None or (late and max(small, default=0) < most):
-        if phase is not None:  # continue to where |L| is below the largest found, or nearer to |L(inf)|
+        # Extend the range to where |L| is below the largest |L| found, or nearer to |L(inf)|.
+        if phase is not None:
             most = max(small, default=flat + (most - flat) / 10)
         phase = f.phase_crossovers(f.quiet_beyond(most))
         sizes = [fabs(f.L(w)) for w in phase]

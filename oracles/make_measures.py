@@ -4,16 +4,16 @@ The loops are as in make_delay_loops.py, after a unit step of the set point or o
 
 Method.  On each step, a fraction of the dead time, the series of the past control signal is known, and all signals are
 power series. Each series is cut off below 1e-45. The zeros of the error and of the slopes of y and u on each step are
-isolated by bounds of the second derivative. Between them the integrals of |e| are those of polynomials.
+isolated by bounds of the second derivative. Between zeros, |e| is integrated as a polynomial.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no matrix exponential, no samples, no parabolas between them.
   * Everything is computed again with half the step, and agrees to 1e-30.
   * y and u at some times agree to 1e-25 with the finite series of make_delay_loops.py.
 
-`rates` holds, for each measure, the error to expect from samples at intervals h, without the powers of h. `Response`
+`rates` holds, for each measure, the expected error with samples at intervals h, without the power of h. `Response`
 uses parabolas with exact area between samples for the error, and straight lines for u. The remainder of such a parabola
-is e''' h^3 s(s - 1)(2s - 1)/12, 0 < s < 1. For small h, and breaks of the derivatives on the samples, the errors are at
+is e''' h^3 s(s - 1)(2s - 1)/12, 0 < s < 1. If h is small and the derivatives break only at samples, the errors are at
 most
 
     IAE              h^4/192 sum |e'''|  over the sign changes of e
@@ -122,8 +122,9 @@ def integral(p, a, b):
 def zeros(p, step):
     """Return the zeros of a series inside a step, except 0. A series that is zero up to rounding has none.
 
-    They are isolated with floats. An interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|,
-    and f is monotonic in it if |f'(m)| > r max|f''|. Both tests have a margin for rounding. Other intervals are halved.
+    They are isolated with floats. An interval of centre m and radius r has no zero if |f(m)| > r |f'(m)| + r^2/2
+    max|f''|. In the interval f is monotonic if |f'(m)| > r max|f''|. Both tests have a margin for rounding. Other
+    intervals are halved.
     """
     p = [x * step**k for k, x in enumerate(p)]
     size = max(map(fabs, p))
@@ -154,7 +155,7 @@ def zeros(p, step):
 
 
 def newton(p, a, b):
-    """Return the zero of a monotonic function, by Newton's method, or by bisection if that leaves the bracket."""
+    """Return the zero of a monotonic function, by Newton's method, or by bisection if a step leaves the bracket."""
     change, falls, x = slope(p), value(p, a) > 0, (a + b) / 2
     for _ in range(300):
         v = value(p, x)

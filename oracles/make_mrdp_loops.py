@@ -8,8 +8,8 @@ stability. Series, inversion and checks are those of make_delay_loops.py with mo
   * every third time is computed again by fixed Talbot on each term alone. The degree is raised until two degrees and
     the stored values agree to 1e-112 * max(1, |value|).
 
-The filter 1/(T_f s + 1)^n is multiplied out in double precision, so its pole is only nearly multiple. This does not
-affect circles around all its poles. Only the coefficients come from the program under test.
+The filter 1/(T_f s + 1)^n is multiplied out in double precision, so its pole is only nearly multiple. Circles
+around all its poles are not affected. Only the coefficients come from the program under test.
 The script fails if a check fails.  Run: python oracles/make_mrdp_loops.py
 """
 

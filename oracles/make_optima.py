@@ -7,7 +7,7 @@ largest allowed ki. A controller that attains this bound is the global optimum. 
 Method.  At the largest ki, |1 + L| = 1/Ms at one frequency, and the slopes of |1 + L| by frequency and by kp are 0.
 Newton's method solves the three equations with 60 digits.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no response, no search, no gradient of an integral.
   * By make_margins.py, the loop with gains rounded to doubles is stable, and its Ms is the limit to 1e-12.
   * For 2001 values of kp, from 0 to four times the optimal kp, the limit at each of 20001 frequencies is a quadratic

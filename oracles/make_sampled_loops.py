@@ -7,20 +7,20 @@ Method.
   * Blocks between a hold and a sampler: the denominator is the characteristic polynomial of the matrix exponential of
     the companion matrix. The numerator is the product of the denominator and the pulse response, which comes from
     integrals of G(s)/s e^{st} over circles around all poles (see make_delay_loops.py).
-  * Margins: on the unit circle every quotient is one of polynomials in y = 1 - cos(wh), whose zeros between 0 and 2 are
-    isolated with proof, and found by Newton's method (quasipolynomials.py).
+  * Margins: on the unit circle functions are quotients of polynomials in y = 1 - cos(wh). The zeros of polynomials
+    between 0 and 2 are isolated with proof, and found by Newton's method (quasipolynomials.py).
   * Noise gain: Parseval's integral by Astrom's recursion, which is exact.
   * Responses: the difference equations.
 
-Checks (the script fails if one of them fails).
+Checks. The script stops if one fails.
   * Nothing is shared with the program under test: no state space of its blocks, no grid, no argument principle, no
     sum over a simulation.
-  * The denominator and the pulse response are computed independently. If they differed, their product would not end. It
-    is continued beyond its end, and is below 1e-45.
+  * The denominator and the pulse response are computed independently. If they did not match, their product would not
+    be a polynomial. Its terms beyond the degree of the numerator are computed, and are below 1e-45.
   * Stability is decided by the zeros of 1 + L, and again by the signs in Astrom's recursion.
   * The noise gain agrees to 1e-40 with the sum of the squares of the pulse response of u.
-  * |L| = 1 and L < 0 hold at the crossovers. On a grid of 4000 frequencies no value is above the peak. Run: python
-oracles/make_sampled_loops.py
+  * |L| = 1 and L < 0 hold at the crossovers. On a grid of 4000 frequencies no value is above the peak.
+Run: python oracles/make_sampled_loops.py
 """
 
 import math

@@ -18,7 +18,7 @@ def file_of(script: str) -> Path:
 def problems(script: str) -> Iterator[dict]:
     """Return the cases without their answers.
 
-    An optimum has first digits in `start`. A growing response has `envelope_times`.
+    A case of an optimum has first digits in `start`, and a growing response has `envelope_times`.
     """
     for case in json.loads(file_of(script).read_text(encoding="utf-8"))["cases"]:
         asked = {

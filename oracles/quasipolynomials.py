@@ -181,8 +181,8 @@ class Quasi:
     def zeros_between(self, low, high):
         """Return all zeros between two numbers, which must not be zeros.
 
-        An interval of centre m and radius r has none if |f(m)| > r |f'(m)| + r^2/2 max|f''|. If |f'(m)| > r max|f''|, f
-        is monotonic in it, and the signs at the ends decide. Otherwise the interval is halved.
+        An interval of centre m and radius r has no zero if |f(m)| > r |f'(m)| + r^2/2 max|f''|. It has at most one if
+        |f'(m)| > r max|f''|, and the signs at the ends decide. Otherwise the interval is halved.
         """
         first, second = self.slope(), self.slope().slope()
         todo, found = [(low, high)], []
@@ -205,7 +205,7 @@ class Quasi:
         return sorted(found)
 
     def _between(self, a, b, falls, first):
-        """Return the zero of a monotonic function, by Newton's method, or by bisection if that leaves the bracket."""
+        """Return the zero of a monotonic function, by Newton's method, or by bisection if a step leaves the bracket."""
         w = (a + b) / 2
         for _ in range(400):
             value = self(w)

@@ -2,9 +2,9 @@
 
 Equal terms are equal limits of Ms and noise.
 
-The study writes three tables of the package, which `pidalab.benchmark` also reads, and continues interrupted ones:
+The study writes three tables of the package, which `pidalab.benchmark` reads. It continues interrupted tables:
 
-* ``processes.csv``: the plants and those of the frontier, with ultimate gain and period, normalised dead time and
+* ``processes.csv``: these plants and those of the frontier, with ultimate gain and period, normalised dead time and
   roll-off;
 * ``comparison.csv``: a row for each plant, rule and terms, with the message if the rule does not apply;
 * ``optima.csv``: the best PI, PID and PIDA of each plant at the same terms.
@@ -124,7 +124,7 @@ def optima_rows(name: str, ms: float, process: Process) -> list[dict[str, Any]]:
 
 def main(tables: list[str], workers: int | None) -> None:
     """Continue the tables."""
-    cases = list(batch())[::-1]  # the first plants, with hardly a lag, take longest; they start last
+    cases = list(batch())[::-1]  # the first plants have short lags, take longest, and start last
     if "processes" in tables:
         plants = [(case.name, case.family, case.process) for case in cases[::-1]]
         plants += [(name, "frontier", process) for name, process in PLANTS.items()]

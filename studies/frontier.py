@@ -1,8 +1,8 @@
 """Compute the least IAE as a function of the limit of noise (the frontier), for PI, PID, PIDA and a higher derivative.
 
-The study writes two tables in book/data, in the units of `own_units`, and continues interrupted ones:
+The study writes two tables in book/data, in the units of `own_units`. It continues interrupted tables:
 
-* ``frontier.csv``: thirteen plants of all kinds, orders 0 to 3;
+* ``frontier.csv``: thirteen plants of all kinds, controllers of orders 0 to 3;
 * ``acceleration_map.csv``: PID and PIDA on second-order plants of three dampings and on three equal lags, all
   with dead time.
 
@@ -25,7 +25,7 @@ from pidalab import Process
 
 MS = 1.4
 NOISE = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # limits of the relative noise gain
-SPENT = (0.1, 0.3, 1.0, 3.0)  # the same for the map
+SPENT = (0.1, 0.3, 1.0, 3.0)  # limits for the map
 PLANTS: dict[str, Process] = {
     "lag-dominated": pidalab.fopdt(1.0, 20.0, 1.0),
     "lag-dominated, two lags": Process([1.0], np.convolve([10.0, 1.0], [1.0, 1.0]), 0.2),
@@ -42,7 +42,7 @@ PLANTS: dict[str, Process] = {
     "inverse response": Process([-1.0, 1.0], pidalab.lags(3).den),
 }
 DAMPINGS = (0.4, 1.0, 2.0)
-DELAYS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # divided by the time constant of the pair
+DELAYS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # divided by the time constant of the second-order plant
 
 
 def over_noise(

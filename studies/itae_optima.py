@@ -7,7 +7,7 @@ A simplex search with the exact simulation finds, for models of gain 1 and time 
 * the PID and PIDA controllers for the models of the paper's Fig. 1, the PID also with a nearly ideal derivative;
 * the best pair of factors by IAE, ITAE and their sum, to see to which of these measures Table 1 of heo2023 was fitted.
 
-The first three results are written to book/data/itae_optima.csv, the last to book/data/itae_factors.csv. Then the
+The last result is written to book/data/itae_factors.csv, the others to book/data/itae_optima.csv. Then the
 constants of `direct.setpoint`, `direct.load`, `itae.setpoint_factors` and `itae.load_factors` are printed. This takes
 many hours on one core. ``python studies/itae_optima.py 1,0.5 0.3,2`` prints only the optima of models given as
 ``damping,ratio``.
@@ -15,8 +15,8 @@ many hours on one core. ``python studies/itae_optima.py 1,0.5 0.3,2`` prints onl
 The stored optima of the fit and the validation were found by the same search with a faster simulation, which agrees
 with the exact one to 1e-4 (to 2e-3 for seven loads with long tails). Every stored ITAE was computed with the exact
 simulation. For six optima this script found the stored parameters within 0.3 %. The constants were fitted in the same
-way, those of the two rules for factors to tables of ITAE as a function of f_d and f_a. A full run may change last
-digits.
+way. The constants of the two rules for factors were fitted to tables of ITAE as a function of f_d and f_a. A full run
+may change last digits.
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ class Judge:
 
     @staticmethod
     def stable(loop: Loop) -> bool:
-        """Return True if a loop is stable. Return False if its phase turns too often to be followed."""
+        """Return True if a loop is stable. Return False also if its phase turns too often to be tracked."""
         try:
             return pidalab.is_stable(loop)
         except ArithmeticError:

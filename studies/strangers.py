@@ -1,6 +1,6 @@
 """Tune on step tests of random plants whose shapes no model of the library has. Evaluate the designs on the plants.
 
-These aims were set before the first run. Refused records count only for the last one.
+These aims were set before the first run. Refused records count only for the last aim.
 
 * no loop is unstable;
 * the true sampled Ms is at most 2.0 for 97 % of the designs, and at most the reported worst Ms for 95 %;

@@ -318,7 +318,7 @@ MESSAGES = {
         (partial(itae.pida_setpoint, SECOND, factors=(1.0, 0.6)), r"f_d must be between -3 and 1, found 1\.0"),
         (
             partial(itae.pida_load, sopdt(1, 1, 1, 1), factors=(0.99 / 1.005, 0.6)),
-            r"f_d = 0\.985075 leads to r = 0\.01, where the table does not",
+            r"f_d = 0\.985075 leads to r = 0\.01, for which the table fails",
         ),
         (partial(mo.tune, CHAIN, 30, 31, 0.01), "m must be at most 16, found 30"),
         (partial(mo.tune, "lags", 1, 1, 0.1), "model must be an array of real numbers"),

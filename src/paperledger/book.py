@@ -151,8 +151,8 @@ class Ledger:
         Raises
         ------
         LedgerError
-            With a line for each wrong value. A value is wrong if its id is unknown, if it is not finite, if it differs
-            from the stored value or changes the verdict, or if it agrees although a disagreement was declared.
+            With a line for each wrong value: the id is unknown, or the value is not finite, differs from the
+            stored value, changes the verdict, or agrees although a disagreement was declared.
 
         Examples
         --------
@@ -161,7 +161,7 @@ class Ledger:
         >>> book.compare({"demo": {"kp": 1.3151}})
         Traceback (most recent call last):
         paperledger.verdicts.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
-        demo.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit
+        demo.kp: the verdict in the file is reproduced, but 1.315100000 against printed 1.31 gives last-digit
         """
         import pandas as pd
 
@@ -257,7 +257,7 @@ class Ledger:
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:
-        """Return the row of an id, after checking that it takes this kind of value."""
+        """Return the row of an id, after checking that the row takes this kind of value."""
         row = self.row(id)
         if row.basis == "reading":
             raise LedgerError(f"{row.id}: its basis is reading, so the row takes no computed value")
@@ -283,7 +283,7 @@ class Ledger:
                 raise LedgerError(f"{row.id}: handed over twice, as {before.found} and as {fresh.found}")
         elif not row.computed:
             advice = f"`python -m paperledger update {self.paper}` stores it"
-            raise LedgerError(f"{row.id}: nothing stored yet; {advice}")
+            raise LedgerError(f"{row.id}: no value is stored yet; {advice}")
         else:
             drifted = f"{row.id}: drifted from {row.found} to {fresh.found}" if kept is fresh else ""
             failures = [*filter(None, (drifted, kept.disagreement()))]

@@ -109,7 +109,7 @@ def grid(
     heading: int = 0,
     notes: Sequence[str] = (),
 ) -> Display:
-    """Make a table of the class ``ledger-<kind>`` from rows of cells. A terminal shows `notes` to the right of them.
+    """Make a table of the class ``ledger-<kind>`` from rows of cells. A terminal shows `notes` right of the rows.
 
     >>> grid("demo", ["rule", "gain"], [[words("SIMC"), number("1.5")]])
     rule  gain
@@ -130,7 +130,7 @@ def grid(
 
 
 def _entry(cell: Cell, column: str, heading: bool) -> str:
-    """Return a cell as HTML. A number has its column as a label, since on a phone a row becomes a block."""
+    """Return a cell as HTML. A number has the name of its column as a label, for phones that show a row as a block."""
     tag, scope = ("th", ' scope="row"') if heading else ("td", "")
     span = f' colspan="{cell.span}"' if cell.span > 1 else ""
     label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
@@ -147,9 +147,9 @@ def verdict(row: Row) -> Cell:
 
 
 def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
-    """Make a cell of a claim and its place, which unfolds to the note. A terminal also shows the id."""
+    """Make a cell of a claim and its place. The cell unfolds to the note. A terminal also shows the id."""
     text = row.printed if row.is_statement else row.quantity
-    anchor = row.id.replace(".", "-")  # a dot has another meaning in a selector
+    anchor = row.id.replace(".", "-")  # a dot has another meaning in a CSS selector
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
         said = "".join(f"<p>{markup(line)}</p>" for line in (row.note, *row.made.split(" | ")) if line)
@@ -236,7 +236,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS has plurals of first words.
+# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS has the plurals of their first words.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 

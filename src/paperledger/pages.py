@@ -246,7 +246,7 @@ def freeze(folder: Path | str | None = None) -> list[str]:
     old = file.read_text(encoding="utf-8") if file.is_file() else ""
     before, after = ({line.partition(",")[0] for line in version.splitlines()} for version in (old, text))
     if lost := sorted(before - after - {*reasons} - {FROZEN[0]}):
-        raise LedgerError("\n".join(f"{id}: is gone, and {REMOVED} does not say why" for id in lost))
+        raise LedgerError("\n".join(f"{id}: row missing, and {REMOVED} gives no reason" for id in lost))
     write_text(file, text)
     lines = list(unified_diff(old.splitlines(), text.splitlines(), lineterm="", n=0))[2:]
     return [line for line in lines if not line.startswith("@@")]

@@ -37,7 +37,7 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return True if settings were fitted, and why the value may stay constant.
+    """Read the column ``made``. Return whether settings were fitted, and why the value may stay constant.
 
     The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or
     a grid point that a small change does not move), or empty.
@@ -140,7 +140,7 @@ class Row:
             return float(verdicts.unit(verdicts.read_number(self.printed)) / 2)
 
     def derived(self) -> str | None:
-        """Return the verdict that follows from the entries, or None if the entries disagree.
+        """Return the verdict that follows from the entries, or None if the numbers disagree.
 
         Returns
         -------
@@ -261,21 +261,21 @@ class Row:
         Examples
         --------
         >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.3151", "reproduced").disagreement()
-        'demo.kp: file says reproduced, 1.3151 against printed 1.31 gives last-digit'
+        'demo.kp: the verdict in the file is reproduced, but 1.3151 against printed 1.31 gives last-digit'
         """
         try:
             derived = self.derived()
         except LedgerError as error:
             return str(error)
         value = self.evidence if self.is_statement else f"{self.computed} against printed {self.printed}"
-        gives = f"{value} gives {derived or 'no agreement'}"
+        gives = f"{value} gives {derived or 'a disagreement'}"
         if self.verdict in DECLARED:
             agrees = derived in AGREEING
-            return f"{self.id}: declared {self.verdict} starts to agree, {gives}" if agrees else None
+            return f"{self.id}: {self.verdict} is declared, but {gives}" if agrees else None
         if derived == self.verdict:
             return None
         advice = "" if derived else "; declare misprint, as-read or differs, with a note"
-        return f"{self.id}: file says {self.verdict or 'nothing'}, {gives}{advice}"
+        return f"{self.id}: the verdict in the file is {self.verdict or 'empty'}, but {gives}{advice}"
 
     def problems(self) -> list[str]:
         """List the errors of the row itself, one line each.
@@ -299,7 +299,7 @@ class Row:
         return [*lines, disagreement] if disagreement else lines
 
     def _malformed(self) -> Iterator[str]:
-        """Yield what is missing, malformed or not allowed. Raise an error if an entry cannot be read."""
+        """Yield each missing, malformed or forbidden entry. Raise an error if an entry cannot be read."""
         reading, statement = self.basis == "reading", ("relation", "evidence")
         computing = ("computed", "page", *(statement if self.is_statement else ()))
         needed = ("where", "quantity", "printed", *(() if reading else computing))
@@ -310,23 +310,23 @@ class Row:
             yield f"unknown basis {self.basis!r}; one of {', '.join(BASES)}"
         yield from (f"{name!r} is empty" for name in needed if not getattr(self, name).strip())
         if reading or not self.is_statement:
-            kind = "settled by reading" if reading else "a number"
+            kind = "the basis is reading" if reading else "the row has a number"
             yield from (f"{kind}, but {name!r} is not empty" for name in barred if getattr(self, name))
         if self.verdict == "not-computable" and not reading:
-            yield "not-computable, so its basis is reading"
+            yield "the verdict is not-computable, so the basis must be reading"
         if reading and self.verdict not in ("holds", "holds-in-part", "fails", *DECLARED):
-            yield f"settled by reading cannot be {self.verdict or 'left without a verdict'}"
+            yield f"if the basis is reading, the verdict cannot be {self.verdict or 'empty'}"
         relation = Relation.parse(self.relation) if self.relation else None
         in_part = relation is not None and relation.parts
         if (reading or in_part or self.verdict in DECLARED) and len(self.note.split()) < WORDS:
             yield f"{'holds-in-part' if in_part else self.verdict} needs a note of at least {WORDS} words"
         if making(self.made)[0] != (self.basis == "fitted"):
-            yield "'made' says what was fitted ('fit: 3 settings from 70 numbers: …') if the basis is fitted, else not"
+            yield "'made' must have 'fit: 3 settings from 70 numbers: …' if the basis is fitted, and only then"
         if relation and relation.is_identity:
             if float(relation.right) > IDENTITY and not self.note:
                 yield f"a tolerance above {IDENTITY:g} needs a note that says why"
             if float(relation.right) > ROUGHEST:
-                yield f"a residual above {ROUGHEST:g} is not rounding; compare two sides by another relation"
+                yield f"a tolerance above {ROUGHEST:g} is too large for rounding; use another relation"
         elif relation and self.evidence:
             for inequality in Evidence.parse(self.evidence).inequalities:
                 if inequality.left == inequality.right and "." in inequality.left and not inequality.factor:

@@ -78,7 +78,7 @@ class Update(NamedTuple):
 
 
 def update(paper: str, folder: Path | str | None = None) -> Update:
-    """Run the pages of a paper, and store their results and the verdicts that follow from these.
+    """Run the pages of a paper, and store their results and verdicts.
 
     Stored values that still agree are kept, so a run on another machine changes nothing. Everything that a person wrote
     is also kept: order, basis, relations, notes and declared verdicts. A row whose numbers disagree gets no verdict
@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # Ledgers that their pages closed come first, since `close` reports missing rows.
+    # Results of closed ledgers take precedence, since `close` checks that no row is missing.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)

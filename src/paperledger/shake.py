@@ -394,13 +394,13 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     >>> judge(replace(row, made="page: gain"), row, Shaker("demo"))
     ''
     >>> judge(row, replace(row, computed="1.309852345"), Shaker("demo", only_prints=True))
-    'moves by 3.1e-05 when only printed numbers change: its basis is from-print or fitted'
+    'moves by 3.1e-05 when only printed numbers change: the basis must be from-print or fitted'
     """
     far, stays, value = distance(row, new), making(row.made)[1], row.found.partition(" | ")[0]
     if shaker.only_prints:
         if not _starts_clean(row) or row.same(new):
             return ""
-        return f"moves by {far:.1e} when only printed numbers change: its basis is from-print or fitted"
+        return f"moves by {far:.1e} when only printed numbers change: the basis must be from-print or fitted"
     if _own_print(row, new, shaker):
         return "is its own printed number"
     # Changes of several printed numbers may nearly cancel, so a row computed from them has a smaller limit.
@@ -409,11 +409,11 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     if stays == "count" and _rounded(row, new):  # the count moved to the next point of a grid
         return ""
     if stays:
-        return f"moves by {far:.1e}, so 'made' needs no {stays!r}"
+        return f"moves by {far:.1e}, so remove {stays!r} from 'made'"
     if _rounded(row, new):
-        return f"is rounded, {value}"
+        return f"is rounded by the page, {value}"
     if far < PRINTED and row.basis != "from-print":
-        return f"moves by {far:.1e}, as little as printed numbers: its basis is from-print, not {row.basis}"
+        return f"moves by {far:.1e}, as little as printed numbers: declare from-print, not {row.basis}"
     return ""
 
 
@@ -519,7 +519,7 @@ def shake(
         If the system cannot fork processes (for example Windows).
     """
     if not hasattr(os, "fork"):
-        raise LedgerError("shake takes a system that can fork processes, such as Linux")
+        raise LedgerError("shake needs a system that can fork processes, such as Linux")
     place = find_folder(folder).resolve()
     book, chosen = place.parent, [*keys] or papers(place)
     all_rows = {paper: Ledger.open(paper, folder=place).rows.values() for paper in chosen}

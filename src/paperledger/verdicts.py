@@ -23,9 +23,9 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a share of the printed number
 LONGEST, LARGEST_EXPONENT = 350, 330  # most characters of a number, and its largest power of ten
-DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these; all others follow
+DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
-# If a person declares that two numbers disagree, the verdict that follows from them must not be one of these.
+# If a person declares that two numbers disagree, the verdict derived from the numbers must not be one of these.
 AGREEING = ("reproduced", "approximate", "holds", "holds-in-part")
 BASES = ("computed", "fitted", "from-print", "reading")
 
@@ -85,9 +85,9 @@ def unit(number: Decimal) -> Decimal:
 def agrees(fresh: str, stored: str) -> bool:
     """Return True if a new number equals a stored one within a unit of the last stored place, or a relative 1e-9.
 
-    A stored number with fewer decimals than the new one could hide a change, so it does not agree. One decimal less is
-    allowed, since with ten digits 10.0... has one decimal less than 9.99.... A stored number with ten decimals is never
-    refused for having too few, since a computed zero has no others.
+    A stored number with fewer decimals than the new one could hide a change, so the two do not agree. There are two
+    exceptions. One decimal less is allowed: with ten digits, 10.0... has one decimal less than 9.99.... And ten stored
+    decimals are always enough, since a computed zero has no more.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -326,7 +326,7 @@ class Relation:
         convention = " | ".join(marks[:-1] if some or parts else marks)
         if sign not in _BOUNDS.get(convention, ()):
             known = f"{', '.join(CONVENTIONS)}, and 'residual <= 1e-9 | rounding' for an identity"
-            raise LedgerError(f"relation {text!r}: {sign} takes no convention {convention!r}, only {known}")
+            raise LedgerError(f"relation {text!r}: {sign} does not allow {convention!r}, only {known}")
         if not parts:
             return cls(left, sign, right, convention, some)
         if convention == ROUNDING:
@@ -405,7 +405,7 @@ class Relation:
         for name, pair in pairs.items():
             if strict and (self._evidence({name: pair}, digits, "").verdict == "holds") != declared[name]:
                 says = "hold" if declared[name] else "fail"
-                raise LedgerError(f"{name} is declared to {says}, and does not")
+                raise LedgerError(f"{name} is declared to {says}, but does not")
         groups = [{n: pair for n, pair in pairs.items() if declared[n] == side} for side in (True, False)]
         if not all(groups):
             raise LedgerError("a statement that holds in part needs a case that holds and one that fails")
@@ -420,7 +420,7 @@ class Relation:
     def _slack(self, left: float, right: float) -> tuple[float, tuple[str, str]]:
         """Return the relative distance of a case from its nearest bound (negative if the case fails), and the bound."""
         if self.sign == "==" and not (isinstance(left, int) and isinstance(right, int)):
-            raise LedgerError(f"'==' is for integers, found {left!r} and {right!r}; a residual takes <=")
+            raise LedgerError(f"'==' compares integers, found {left!r} and {right!r}; use <= for a residual")
         if self.convention and not (0 <= left < float("inf") and 0 <= right < float("inf")):
             raise LedgerError(f"{self.convention!r} compares finite magnitudes, found {left} and {right}")
         bounds = []
@@ -435,10 +435,10 @@ class Relation:
         return min(bounds, key=lambda pair: pair[0])
 
     def _residual(self, residuals: list[float]) -> "Evidence":
-        """Return the evidence of the largest residual: its decade, or all digits if it exceeds rounding."""
+        """Return the evidence of the largest residual: its decade, or all digits if it exceeds the tolerance."""
         largest, tolerance = max(map(abs, residuals)), float(self.right)
         if not isfinite(largest):
-            raise LedgerError(f"a residual is finite, found {largest}")
+            raise LedgerError(f"a residual must be finite, found {largest}")
         if largest > tolerance:
             return Evidence(_side(largest, largest, DIGITS), "<=", "", self.right)
         decade = next(f"1e{power}" for power in range(-30, 400) if largest <= float(f"1e{power}"))
@@ -585,7 +585,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or up to five to distinguish it from 1. Write tiny and huge ones as bounds."""
+    """Round a ratio to two digits, or up to five to distinguish it from 1. Write tiny and huge ratios as bounds."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

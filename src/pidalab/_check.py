@@ -63,7 +63,7 @@ def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return the hint ``; pass its .process`` (or .model, .controller) if this attribute is a `kind`, else no text."""
+    """Return a hint such as ``; pass its .process`` if this attribute of `value` is a `kind`, else an empty string."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"
@@ -171,7 +171,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
     """Return a uniform time grid that starts at 0."""
     t = vector(name, value, minimum_length=2)
     if t[0] != 0.0:
-        raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract that time")
+        raise ValueError(f"{name} must start at 0, found {t[0]:g}; subtract this from all times")
     step = float(t[-1]) / (t.size - 1)
     if step <= 0:
         raise ValueError(f"{name} must increase, found a last value of {t[-1]:g}")

@@ -2,8 +2,8 @@
 
 Importing numba takes longer than a short computation, and compiling takes up to a minute. A process therefore starts
 with the plain forms, whose results differ from compiled ones only by rounding. After a second in plain forms, the
-process switches to compiled code if all kernels are stored. Otherwise it starts another process that compiles in the
-background. A call with large arguments waits for compiled code. Without numba every call uses the plain form.
+process switches to compiled code if it is stored for all kernels. Otherwise another process compiles in the background.
+A call with large arguments waits for compiled code. Without numba every call uses the plain form.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. With ``PIDALAB_COMPILE=0``, or numba's
 own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set,
@@ -32,8 +32,9 @@ LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
 KERNELS = PACKAGE / "simulation"  # folder of all kernels
 LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers than this
-PLAIN_SECONDS = 1.0  # compiled code is sought whenever plain forms have taken this time
-RETRY_SECONDS = 600.0  # time before a second attempt to compile; each later wait is four times as long
+PLAIN_SECONDS = 1.0  # after this time in plain forms, the process looks for compiled code
+# Time before a second attempt to compile. Each later wait is four times as long as the previous one.
+RETRY_SECONDS = 600.0
 MOST_ATTEMPTS = 6
 
 

@@ -46,7 +46,7 @@ def plain_text(text: str, longest: int = LONGEST_LINE, marks: str = MARKS) -> st
     text : str
         Text from outside.
     longest : int, optional
-        Largest number of characters. A longer text is cut and ends in three points.
+        Largest number of characters. A longer text is cut and ends in "...".
     marks : str, optional
         Allowed punctuation.
 
@@ -86,7 +86,7 @@ def _passes(character: str, marks: str) -> bool:
 
 
 def set_out(cells: Iterable[str], widths: Sequence[int], left: int = 1) -> str:
-    """Return cells as a line of a table. The first `left` cells are aligned left, the others right.
+    """Return cells as a line of a table.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def set_out(cells: Iterable[str], widths: Sequence[int], left: int = 1) -> str:
     widths : sequence of int
         Widths of the columns.
     left : int, optional
-        Number of cells that are aligned left.
+        Number of first cells that are aligned left. The others are aligned right.
 
     Returns
     -------

@@ -110,7 +110,7 @@ class IdealGains(NamedTuple):
         Raises
         ------
         ValueError
-            If there is no proportional action, or if the acceleration has the opposite sign.
+            If kp is 0, or if ka and kp have opposite signs.
 
         Examples
         --------

@@ -18,8 +18,8 @@ from pidalab.roots import roots
 if TYPE_CHECKING:
     import control
 
-FREQUENCIES = 1000  # number of frequencies of a response, without additional ones for the dead time
-# Largest change of the phase by the dead time, in rad, between neighbouring frequencies and over the whole grid.
+FREQUENCIES = 1000  # number of frequencies of a response; a dead time adds more
+# Largest phase that the dead time adds, in rad: from one frequency to the next, and at the highest frequency.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
@@ -125,7 +125,7 @@ class Loop:
 
     @property
     def open_loop(self) -> Fraction:
-        """L without its dead time: the product of the blocks, without cancellation.
+        """L without its dead time: process times controller times output filter, without cancellation.
 
         Raises
         ------
@@ -248,7 +248,7 @@ class Loop:
         >>> pidalab.Loop(pidalab.ipdt(2.0, delay=0.0), 0.5).S(1.0)
         np.complex128(0.5+0j)
         """
-        # This form gives S(0) = 0 with integral action, for which 1/(1 + L) would need 1/(1 + inf).
+        # With integral action this form gives S(0) = 0, although L(0) is infinite.
         forward, back = self._fraction(s)
         return quotient(back, back + forward)
 
@@ -324,7 +324,7 @@ class Loop:
         return y if output == "y" else u
 
     def frequency_response(self, frequencies: ArrayLike | None = None) -> control.FrequencyResponseData:
-        """Return L on a grid of frequencies for python-control, with exact dead time.
+        """Return L on a grid of frequencies for plots of python-control, with exact dead time.
 
         Parameters
         ----------
@@ -335,7 +335,6 @@ class Loop:
         Returns
         -------
         control.FrequencyResponseData
-            Frequency response for the plots of python-control.
 
         Raises
         ------

@@ -28,8 +28,8 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
-LINE_POINTS = 4000  # largest number of points of a line; a vector file drops invisible points
-NOISY_POINTS = 400  # the same for a noisy line, of which a vector file would keep nearly all points
+LINE_POINTS = 4000  # largest number of points of a line; a vector file stores only the visible points
+NOISY_POINTS = 400  # largest number of points of a noisy line, since nearly all are visible
 
 
 def use_book_style() -> None:
@@ -141,7 +141,7 @@ def signal(
 def experiment(
     runs: Mapping[str, Response], y_label: str, u_label: str, time_label: str = "time units"
 ) -> Figure:
-    """Draw output above control signal for several runs of the same experiment, with its set point.
+    """Draw set point and outputs of several runs of an experiment, and the control signals below.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def maps(
     label: str,
     names: tuple[str, str] = ("θ/τ", "ξ"),
 ) -> Figure:
-    """Draw a quantity as a function of two parameters, as maps with a common scale, two in a row.
+    """Draw maps of quantities that depend on two parameters, two maps in a row, with a common scale.
 
     Parameters
     ----------

@@ -141,7 +141,7 @@ def turned_phase(process: Process, w: Array) -> Array:
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""Reduce a process to a first-order model with dead time. Both agree at 0 and at the ultimate frequency.
+    r"""Reduce a process to a first-order model with dead time that agrees at 0 and at the ultimate frequency.
 
     The parameters follow from :math:`m = |G(j\omega_u)/G(0)|`:
 

@@ -1,7 +1,7 @@
 r"""Noise gain relative to the plant, which does not depend on the units of y, u and time.
 
-The *noise gain* of a loop is the standard deviation of u divided by that of white measurement noise, which is held for
-a sample time h. The noise gain depends on h. Here h is a hundredth of the ultimate period of the plant. The *relative
+The *noise gain* of a loop is the ratio of the standard deviations of u and of white measurement noise, held for a
+sample time h. The noise gain depends on h. Here h is a hundredth of the ultimate period of the plant. The *relative
 noise gain* is the noise gain divided by the ultimate gain of the plant. A proportional controller with a tenth of the
 ultimate gain has a relative noise gain near 0.1.
 """

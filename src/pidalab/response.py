@@ -12,7 +12,7 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-# A record that may end before its peak is accepted if its last y differs from the final value by at most this share.
+# If a record may end before its peak, its last y must differ from the final value by at most this share.
 ARRIVED_SHARE = 0.1
 
 
@@ -23,10 +23,10 @@ class Response(Signals):
     given by `area`. So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
 
     Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. If this
-    takes too many points, a warning is issued. For a record with a given `area`, measures of y and e are compared with
-    those from every second sample. If the relative difference exceeds 3e-3, a warning is issued. There is no such test
-    for records with noise, for records without `area`, and for u of records that were not simulated. In these cases, a
-    step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
+    takes too many points and the estimated relative error exceeds 1e-3, a warning is issued. For a record with a given
+    `area`, measures of y and e are compared with measures of every second sample. If the relative difference exceeds
+    3e-3, a warning is issued. Records with noise, records without `area`, and u of records that were not simulated are
+    not tested. For these, a step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -569,8 +569,8 @@ class Response(Signals):
         Parameters
         ----------
         band : float, optional
-            Half width between 0 and 1 (0.02 for 2 %), as a share of the final set point, or of the largest error if the
-            set point ends at 0.
+            Half width, between 0 and 1 (0.02 for 2 %), as a share of the final set point. If the set point ends at 0,
+            it is a share of the largest error.
         final : float, optional
             Final value that replaces the set point, such as the static gain for the step response of a process.
 
@@ -602,7 +602,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must contain the last error, {tail:.3g}, found {limit:.3g}; simulate longer or widen the band"
+                f"band must contain the last tenth's error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
             )
 
         def entry(record: Response) -> float:

@@ -17,7 +17,7 @@ from pidalab._check import Array
 
 Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
-SETTLED_SHARE = 1e-6  # largest error in the last tenth of a settled record, divided by its largest error
+SETTLED_SHARE = 1e-6  # in the last tenth of a settled record, |e| is at most this share of its maximum
 BLOCK = 8192  # sample intervals whose integrals are computed together
 FEWEST_JUDGED = 20  # fewer samples are not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
@@ -299,7 +299,7 @@ class Signals:
         return first, last
 
     def _require_integrable(self, horizon: float | None) -> float | None:
-        """Check a horizon, and return it or None for the end of the record. Raise if the integral is not determined."""
+        """Return a checked horizon, or None for the end of the record. Raise if the record is too short or diverges."""
         if horizon is None:
             self._require_bounded("the error", self.e)
             return None

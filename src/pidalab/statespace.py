@@ -14,9 +14,9 @@ from pidalab.roots import roots
 
 # A dead time that differs from a multiple of the sample time h by less than ALIGNED * h counts as the multiple.
 ALIGNED = 1e-9
-# Poles are sorted by modulus. Where the modulus rises by more than this factor, a new part begins.
+# Poles are sorted by modulus. Where the modulus rises by more than this factor, a new partial fraction begins.
 APART = 10.0
-# A part with at most this number of poles is in companion form.
+# A partial fraction with at most this number of poles is in companion form.
 FEW_STATES = 12
 
 

@@ -103,7 +103,7 @@ def test_numbers_nested_by_the_parts_of_their_ids():
             "compare",
             "new",
             1.25,
-            "demo.new: nothing stored yet; `python -m paperledger update demo` stores it",
+            "demo.new: no value is stored yet; `python -m paperledger update demo` stores it",
         ),
     ],
 )
@@ -120,12 +120,12 @@ def test_drift_and_the_verdict_it_gives():
     ]
     assert failures(ledger().compare, {"t1.kp": 1.3151}) == [
         "demo.t1.kp: drifted from 1.309812345 to 1.315100000",
-        "demo.t1.kp: file says reproduced, 1.315100000 against printed 1.31 gives last-digit",
+        "demo.t1.kp: the verdict in the file is reproduced, but 1.315100000 against printed 1.31 gives last-digit",
     ]
     kept = "3.100000000 < 4.200000000 | ratio 0.74"
     assert failures(ledger().decide, "s1", (5.2, 4.2)) == [
         f"demo.s1: drifted from {kept} to 5.200000000 < 4.200000000 | ratio 1.2",
-        "demo.s1: file says holds, 5.200000000 < 4.200000000 | ratio 1.2 gives fails",
+        "demo.s1: the verdict in the file is holds, but 5.200000000 < 4.200000000 | ratio 1.2 gives fails",
     ]
 
 
@@ -145,7 +145,7 @@ def test_declared_disagreement_starts_to_agree(verdict):
     ledger(row).compare({"x": 1.4})
     assert failures(ledger(row).compare, {"x": 1.31}) == [
         "demo.x: drifted from 1.400000000 to 1.310000000",
-        f"demo.x: declared {verdict} starts to agree, 1.310000000 against printed 1.31 gives reproduced",
+        f"demo.x: {verdict} is declared, but 1.310000000 against printed 1.31 gives reproduced",
     ]
 
 

@@ -20,7 +20,7 @@ COMMANDS = [
     line for block in re.findall(r"```bash\n(.*?)```", PAGE, flags=re.DOTALL) for line in block.splitlines()
 ]
 SAID = {
-    "update": r"left to do:\n" + re.escape(re.search(r"`(doe2030\.table1\.y20: file says[^`]*)`", PAGE)[1]),
+    "update": r"left to do:\n" + re.escape(re.search(r"`(doe2030\.table1\.y20: the verdict[^`]*)`", PAGE)[1]),
     "check": "doe2030: 4 claims, 2 reproduced, 1 holds, 1 misprint",
     "manifest": "manifest: rewritten",
     "show": r"misprint +doe2030\.table1\.y20: growth in 20 years \(Table 1\) +1\.086 +1\.8061",
@@ -50,7 +50,7 @@ def test_the_instructions_of_the_page_are_sufficient(tmp_path):
             check=False,
         )
         if words[3] == "shake" and not hasattr(os, "fork"):
-            assert "takes a system that can fork processes" in run.stderr
+            assert "needs a system that can fork processes" in run.stderr
             continue
         assert re.search(SAID[words[3]], run.stdout + run.stderr), run.stdout + run.stderr
         if words[3] == "update":  # a person has to declare the verdict

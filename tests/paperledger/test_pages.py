@@ -157,7 +157,7 @@ def test_removing_a_claim_needs_a_reason(tmp_path):
     freeze(tmp_path)
     frozen = (tmp_path / "manifest.csv").read_text(encoding="utf-8")
     write_rows(tmp_path / "demo.csv", ROWS[1:])
-    with pytest.raises(LedgerError, match=r"demo\.t1\.kp: is gone, and removed\.csv does not say why"):
+    with pytest.raises(LedgerError, match=r"demo\.t1\.kp: row missing, and removed\.csv gives no reason"):
         freeze(tmp_path)
     assert (tmp_path / "manifest.csv").read_text(encoding="utf-8") == frozen
     (tmp_path / "removed.csv").write_text("id,reason\ndemo.t1.kp, \n", encoding="utf-8")

@@ -98,7 +98,7 @@ GUILTY = {  # a row that a page passes as computed, and the resulting message
     "stored": ("float(row('stored').computed or 1.37)", "stays at"),
     "quotient": ("p('quotient') * C.kp / C.kp", "is its own printed number"),
     "nothing": ("p('nothing') + 0.0 * C.kp", "is its own printed number"),
-    "other": ("p('own') * 1.001", "as little as printed numbers: its basis is from-print"),
+    "other": ("p('own') * 1.001", "as little as printed numbers: declare from-print"),
     "tenth": ("p('tenth') + 0.1 * (C.kp - p('tenth'))", "when only printed numbers change"),
     "tuned": ("C.kp * p('text') / 1.37", "when only printed numbers change"),
     "mixed": ("p('mixed') + 1e-3 * (C.kp - p('mixed'))", "as little as printed numbers"),
@@ -108,7 +108,7 @@ GUILTY = {  # a row that a page passes as computed, and the resulting message
     "named": ("demolib.named(1.37)", "stays at 1.370000000"),
     "built": ("demolib.Design(1.37, {}).__dict__['kp']", "stays at 1.370000000"),
     "counted": ("demolib.poles(1.4)", "stays at 3"),
-    "idle": ("C.kp", "so 'made' needs no 'page'"),
+    "idle": ("C.kp", "so remove 'page' from 'made'"),
 }
 INNOCENT = {
     "kp": "C.kp",

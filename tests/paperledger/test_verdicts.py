@@ -137,12 +137,12 @@ def test_evidence_is_the_inequality_with_its_digits(left, sign, right, text, ver
         ("<", (True, 2), "found True"),
         ("<", ("1", 2), "expected a number"),
         ("<", {"a": 1.0}, "expected a pair"),
-        ("==", (1.0, 1.0), "'==' is for integers"),
-        ("≈", (1.0, 2.0), "no convention ''"),
-        ("≈ | alike", (1.0, 2.0), "no convention 'alike', only similar, slightly"),
-        ("< | similar", (1.0, 2.0), "no convention 'similar'"),
+        ("==", (1.0, 1.0), "'==' compares integers"),
+        ("≈", (1.0, 2.0), "does not allow ''"),
+        ("≈ | alike", (1.0, 2.0), "not allow 'alike', only similar, slightly"),
+        ("< | similar", (1.0, 2.0), "does not allow 'similar'"),
         ("< | much", (1.0, INF), "finite magnitudes"),
-        ("residual < 1e-9 | rounding", 1e-12, "no convention 'rounding'"),
+        ("residual < 1e-9 | rounding", 1e-12, "does not allow 'rounding'"),
     ],
 )
 def test_what_cannot_be_compared(relation, cases, message):

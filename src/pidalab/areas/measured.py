@@ -55,11 +55,11 @@ class MeasuredAreas:
     input_levels, output_levels : tuple of float
         Levels before and after the change.
     span : tuple of float
-        Times between which the record is used, from the first move of the input to the return to rest.
+        Times between which the record is used: first move of the input, and beginning of the final steady state.
     settled : bool
-        True if, after the return to rest, no drift exceeds the noise.
+        True if no drift in the final steady state exceeds the noise.
     noise : float
-        Standard deviation of the output after the return to rest.
+        Standard deviation of the output in the final steady state.
     """
 
     values: Array
@@ -104,8 +104,8 @@ def from_record(
     t : array_like, shape (n,), or Record
         Uniform times from 0. A `pidalab.Record` replaces t, u and y.
     u, y : array_like, shape (n,), optional
-        Input (held from each sample to the next) and output. Both must rest at the beginning (unless `start` is given)
-        and at the end.
+        Input (held from each sample to the next) and output. Both must be steady at the end and, if `start` is not
+        given, at the beginning.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
@@ -119,8 +119,8 @@ def from_record(
     Raises
     ------
     TypeError, ValueError
-        If the input never moves or ends where it began; if signals differ in length; if there are fewer than 16 samples
-        in the steady state; or if a Record is given together with u or y.
+        If the input never moves or ends where it began; if signals differ in length; if fewer than 16 samples follow
+        the first move of the input; or if a Record is given together with u or y.
 
     Warns
     -----
@@ -132,12 +132,12 @@ def from_record(
     Sampling with step h causes only one error that matters. If the slope of y jumps by y', as with a single lag, the
     error of A_1 is about h² y'/12.
 
-    The end of the record counts as a steady state if none of five decaying exponentials, with time constants of 1/32 to
-    1/2 of its length, is found in it. The end is divided into sixteen pieces. An exponential is found if its component
-    in the means of the pieces exceeds 2.5 standard deviations. A decaying oscillation appears in the means of the
-    squares, where the limit is 5 standard deviations. Noise hides smaller transients, which would make all areas too
-    small. Therefore the time from the first move of the input to the steady state is made a tenth longer. The final
-    levels are means of the steady state, and the integrals end where it begins.
+    The last section of the record counts as a steady state if none of five decaying exponentials is found in this
+    section. Their time constants are 1/32 to 1/2 of its length. The section is divided into sixteen pieces. An
+    exponential is found if its component in the means of the pieces exceeds 2.5 standard deviations. A decaying
+    oscillation appears in the means of the squares, where the limit is 5 standard deviations. Noise hides smaller
+    transients, which would make all areas too small. Therefore the time from the first move of the input to the steady
+    state is made a tenth longer. The final levels are means of the steady state. The integrals end where it begins.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
     :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of the tail follows from the
@@ -209,7 +209,7 @@ def _beginning(u: Array, y: Array, start: tuple[float, float] | None) -> tuple[i
         return 0, (_check.real("start[0]", u0), _check.real("start[1]", y0)), 0
     moved = np.flatnonzero(np.abs(u - u[0]) > 1e-9 * np.ptp(u))
     if not moved.size:
-        raise ValueError(f"u must move, found {u[0]:.6g} throughout; if it stepped at t = 0, give start")
+        raise ValueError(f"u must move, found {u[0]:.6g} throughout; if u stepped at t = 0, give start")
     before = int(moved[0])
     return before, (float(u[0]), float(np.mean(y[:before]))), before
 
@@ -237,7 +237,7 @@ def _pieces(x: Array) -> tuple[Array, float]:
 
 
 def _noise(x: Array, h: float) -> tuple[float, float]:
-    """Return the spectral density of low-frequency noise, and the largest abs(mean of a quarter - mean)."""
+    """Return the spectral density of low-frequency noise, and the largest abs(mean of a quarter - mean of all)."""
     means, spread = _pieces(x)
     quarters = np.mean(means.reshape(4, -1), axis=1)
     return spread**2 * (x.size // PIECES) * h, float(np.max(np.abs(quarters - np.mean(means))))
@@ -352,10 +352,10 @@ def _warn(areas: MeasuredAreas) -> None:
     listed = " and ".join(f"A_{k} by {100 * share[k]:.2g} %" for k in sorted({bad[0], bad[-1]}))
     cause = f"noise of standard deviation {areas.noise:.3g}"
     if not areas.settled:
-        cause = f"it still drifts at its end, after t = {areas.span[1]:.4g}"
+        cause = f"the record still drifts at its end, after t = {areas.span[1]:.4g}"
     warn(
-        f"the record makes areas uncertain, {listed} ({cause}); use only the areas before A_{bad[0]}; a controller of "
-        "order m needs 2m + 4 areas",
+        f"the record makes areas uncertain: {listed} ({cause}). Use only the areas before A_{bad[0]} (a controller of "
+        "order m needs 2m + 4 areas)",
         RecordWarning,
         stacklevel=3,
     )

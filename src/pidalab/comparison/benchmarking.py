@@ -1,8 +1,7 @@
 """Compare a rule, given as a function, with all rules of the library and the optima on 134 plants.
 
 `judge` measures each design as published, and again after scaling to the same maximum sensitivity and noise
-(`pidalab.comparison.at_equal_terms`). The results of the library's rules and the optima are stored in tables, in units
-of each plant's ultimate gain and period.
+(`pidalab.comparison.at_equal_terms`). The results of the library's rules and the optima are stored in tables.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from pidalab.rules.models import StartingModels
 
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gains, about two and ten times that of a PI controller
+NOISE = {"quiet": 0.3, "loud": 1.5}  # about two and ten times the relative noise gain of a PI
 # columns of `Benchmark.as_published` and of `Benchmark.ranking`
 PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")
 RANKED = ("plants", "of its kind", "of all", "worst tenth")
@@ -76,7 +75,7 @@ def judge(
     Parameters
     ----------
     rule, kind : str
-        Name of the rule and kind of controller, for the rows. If the kind is empty, that of the design is used.
+        Name of the rule and kind of controller, for the rows. If `kind` is empty, the kind of the design is used.
     make : callable
         Function that returns the design, or raises ValueError if the rule does not apply.
     process : Process
@@ -114,7 +113,7 @@ def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
 
 
 def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[dict[str, Any]]:
-    """Return the measures of a design that is scaled to `EQUAL_MS` and to each limit of `NOISE`, first "loud"."""
+    """Return the measures of a design that is scaled to `EQUAL_MS` and to each limit of `NOISE`, "loud" first."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
         # If the previous design has the shortest filter and its noise is also below this limit, use it again.
@@ -341,7 +340,7 @@ class Benchmark:
 
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows at equal terms with the columns ``of_kind`` and ``of_best``, as in `Benchmark`."""
+    """Add the columns ``of_kind`` and ``of_best`` of `Benchmark` to rows at equal terms."""
     optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(
@@ -377,13 +376,12 @@ def benchmark(
     plants : iterable of str, optional
         Names of plants. By default all 134.
     executor : concurrent.futures.Executor, optional
-        Pool of processes or cluster. Its workers must be able to import the rule. By default the current process
-        computes, in about a minute.
+        Pool of processes or cluster. Its workers must be able to import the rule. Without an executor, the
+        benchmark takes about a minute.
 
     Returns
     -------
     Benchmark
-        Result to print, to draw, or to write as CSV or LaTeX.
 
     Raises
     ------

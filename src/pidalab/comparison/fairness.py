@@ -32,7 +32,7 @@ def at_equal_terms(
     The ratios of the gains, and so ti, td and ta, do not change. The filters of the rule are replaced by the filter of
     the optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, where m is the order of the highest derivative. :math:`T_f`
     is the shortest filter time that keeps the noise gain within its limit, but at least the sample time. The gain is
-    the largest for which Ms is not exceeded.
+    the largest with which Ms is at most `ms`.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def at_equal_terms(
     ------
     TypeError, ValueError
         If an argument is out of range, if no gain above a hundredth of the rule's gain gives a stable loop with this
-        Ms, or if no filter keeps the noise gain.
+        Ms, or if no filter time keeps the noise gain within its limit.
 
     Examples
     --------
@@ -128,6 +128,7 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
     while not quiet(high):
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
-            raise ValueError(f"no filter time of this design keeps noise_gain = {most:g}")
-    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So return the quiet side.
+            raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
+    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So return a filter time
+    # within the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -100,7 +100,7 @@ def measure_row(
     Parameters
     ----------
     rule, kind : str
-        Names of the row.
+        Name of the rule, and kind of controller.
     make : callable
         Function that returns the design, or raises ValueError if the rule does not apply.
     process : Process

@@ -1,7 +1,7 @@
 """Controllers in the forms of the papers, with filters.
 
-The unfiltered gains of every controller (`pidalab.forms.IdealGains`) convert to the other forms, without the filters.
-If a form does not exist, an error explains why. Printing a controller shows all its forms.
+The unfiltered gains of every controller (`pidalab.forms.IdealGains`) convert to the other forms. If a form does not
+exist, an error explains why. Printing a controller shows all its forms.
 """
 
 from pidalab.controllers.base import AutomaticReset, Controller, Fraction

@@ -48,7 +48,7 @@ class Controller(Block):
     """Base class of all controllers.
 
     A subclass must define `gains`, `parts` and `fraction`. Multiplication by a number scales the attributes listed in
-    `proportional`, or the transfer function if none are listed. Limits are not scaled.
+    `proportional`. If none are listed, the subclass must define `_scaled`. Limits are not scaled.
     """
 
     proportional: tuple[str, ...] = ()
@@ -256,7 +256,7 @@ class Controller(Block):
 
 
 def six_digits(text: str) -> str:
-    """Round the numbers in a text that have more than six digits."""
+    """Round numbers with six or more decimals in a text to six digits."""
     return re.sub(r"\d+\.\d{6,}(e[+-]\d+)?", lambda number: f"{float(number[0]):.6g}", text)
 
 

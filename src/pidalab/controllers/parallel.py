@@ -123,7 +123,7 @@ class PIDA(Controller):
 
 @dataclass(frozen=True)
 class NonInteractivePIDA(Controller):
-    r"""PIDA controller whose acceleration time has the unit of a time (heo2023, eq. (16)).
+    r"""PIDA controller whose acceleration time has the unit of time (heo2023, eq. (16)).
 
     .. math:: C(s) = k_c \left(1 + \frac{1}{\tau_i s} + \frac{\tau_d s}{\alpha_d \tau_d s + 1}
               + \frac{\tau_a^2 s^2}{2 (\alpha_a \tau_a s + 1)^2}\right)

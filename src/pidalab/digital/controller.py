@@ -61,8 +61,10 @@ class DigitalController(Parameters):
         Lower and upper limit of the control signal.
     rate_limit : float
         Largest change of the control signal in a unit of time.
-    deadband, bias, y_offset : float
-        Largest error that counts as zero; control signal at the working point; measurement at the working point.
+    deadband : float
+        Largest error that counts as zero.
+    bias, y_offset : float
+        Control signal and measurement at the working point.
     source : str
         The continuous controller, as text.
     prefilter : Prefilter or None
@@ -107,8 +109,8 @@ class DigitalController(Parameters):
         ==========================  ==============================================================================
         name                        meaning
         ==========================  ==============================================================================
-        PART_1_WEIGHT               set-point weight of the first of `paths`
-        PART_1_NEW, PART_1_OLD      coefficients of the present and the previous input in each of its lags
+        PART_1_WEIGHT               set-point weight of the first path
+        PART_1_NEW, PART_1_OLD      coefficients of the present and the previous input in each lag
                                     (PART_1_NEW_2 in the second lag, if the lags differ)
         PART_1_GAIN_k               gain on the k-th difference of this path
         INTEGRAL_NEW, INTEGRAL_OLD  gains from the present and the previous error to the integral

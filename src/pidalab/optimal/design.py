@@ -52,8 +52,7 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # IAE of local optima in units of time of the problem: the least value, then values up to VALLEY_REACH times the
-    # least
+    # IAE of local optima in units of time of the problem, the least first, up to VALLEY_REACH times the least
     valleys: tuple[float, ...]
 
 

@@ -240,8 +240,7 @@ GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)
 INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)
 DERIVATIVES = (0.0, 1.0, 5.0)
 FILTERS = (-4.0, -2.0, 0.0)
-# Second family: the crossover w_c, the ratio of w_c to the zeros of the controller, and the ratio of the corner
-# frequency of the filter to w_c.
+# Second family: the crossover w_c, w_c / (zeros of the controller), and (corner frequency of the filter) / w_c.
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)

@@ -229,7 +229,7 @@ class Axis(ABC):
     delay : float
         Dead time; 0 if there is none.
     at_zero, at_end : float
-        L at both ends of the axis, a real number. With dead time, L has no limit at infinite frequency. Then `at_end`
+        L at both ends of the axis, a real number. With dead time, L has no limit at infinite frequency, and `at_end`
         is the limit of -\\|L\\|, the worst case.
     end : float
         Upper end of the axis: infinity for a continuous loop, half the sampling frequency for a sampled loop.
@@ -294,7 +294,6 @@ class Axis(ABC):
             return np.angle(-num * np.conj(den))
 
         grid, size = self.grid[self.grid < self.end], self.size[self.grid < self.end]
-        # A sampled loop has finitely many crossovers, so it needs no lower bound of |L|.
         floor = quietest if self.delay and math.isinf(self.end) else TINIEST
         with np.errstate(all="ignore"):
             loud_steps = np.fmax(size[:-1], size[1:]) >= quietest

@@ -134,8 +134,8 @@ def linear_part(loop: Loop) -> LinearPart:
     Raises
     ------
     ValueError
-        If F is not strictly proper, has poles on or right of the imaginary axis other than a simple pole at 0, or has a
-        pole at 0 whose residue is not positive.
+        If F is not strictly proper or has a pole on or right of the imaginary axis. A simple pole at 0 with a positive
+        residue is allowed.
 
     Examples
     --------

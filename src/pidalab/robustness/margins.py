@@ -17,8 +17,7 @@ from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable, is_stable
 
-# With dead time, phase crossovers are sought where |L| is above this value. If |L| is at least 1 at all of these
-# crossovers, the search continues at smaller |L|.
+# With dead time, phase crossovers are sought where |L| is above this value, and if necessary further (see `Margins`).
 QUIETEST = 0.1
 # In the search for a gain, the grid resolves the phase of the dead time at frequencies where |L| is above this value.
 QUIETEST_GIVEN = 0.1

@@ -1,4 +1,4 @@
-"""The design, which is the result of every rule's `tune`."""
+"""The `Design`, which every rule returns."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Design:
     """A controller with its filters, its model and its source.
 
     Each entry of `info` is also an attribute, such as ``design.iae``. ``design.ms`` is the maximum sensitivity of the
-    loop with the model, infinite if the loop is unstable. If the rule was asked for an Ms, ``design.ms_asked`` is that
-    value.
+    loop with the model, infinite if the loop is unstable. If an Ms was given to the rule, ``design.ms_asked`` is this
+    Ms.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ class Design:
 
 
 def _block(block: Any) -> str:
-    """Write a block on one line with six digits, a transfer function as its coefficients."""
+    """Write a block on one line with six digits. Transfer functions become lists of coefficients."""
     if isinstance(block, Process) or hasattr(block, "fraction") or not hasattr(block, "num"):
         return six_digits(repr(block))
     num, den = (", ".join(f"{c:.6g}" for c in part) for part in rational("block", block))

@@ -18,7 +18,7 @@ from pidalab.rules._design import Design
 OSCILLATING = 0.05
 # A zero 1 + T s is paired with a shorter lag only if T / lag is below this.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
-MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # limit and tolerance of the iteration for the effective dead time
+MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # most steps, and tolerance, for the effective dead time
 
 
 def simc(
@@ -55,8 +55,8 @@ def simc(
     Raises
     ------
     ValueError
-        If `closed_loop_time` is missing and the model has no effective dead time (a single lag), if `kind` is "PI" and
-        the model has two integrators, or if the model has another structure.
+        If the model has another structure, if `kind` is "PI" for two integrators, or if `closed_loop_time` is missing
+        for a model without effective dead time (such as a single lag).
 
     Examples
     --------
@@ -143,7 +143,7 @@ def _closed_loop_time(asked: float | None, usual: float) -> float:
         return _check.real("closed_loop_time", asked, above=0.0)
     if usual == 0:
         raise ValueError(
-            "closed_loop_time must be given: the model has no effective dead time; in pidalab.tune give sample_time"
+            "closed_loop_time must be given: the model has no effective dead time (in pidalab.tune, give sample_time)"
         )
     return usual
 
@@ -179,8 +179,8 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     The rule for a zero in the left half-plane and the effective dead time depend on each other. Therefore the reduction
     is repeated until the dead time no longer changes. The result may depend on the initial value, which the paper does
     not give. Here this value is `dead`, the dead time plus the time constants of zeros in the right half-plane. If
-    `dead` is 0, it is the effective dead time of the lags alone. These values reproduce the examples of the paper. If
-    the iteration is periodic, the longest dead time is used, which is cautious.
+    `dead` is 0, the initial value is the effective dead time of the lags alone. These values reproduce the examples of
+    the paper. If the iteration is periodic, the longest dead time is used, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")

@@ -15,8 +15,6 @@ and a complex pair with the real part :math:`-3 - y/2`. The reset of this PIDA i
 of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and the reset
 contains one of the two zeros, eqs. (27)-(29). PIDA_2 has a double zero with the time constant 1.5 τ_2. The paper found
 the gains of PPM-PIDA by a search (eq. (25)).
-
-`tune` converts a `Setting`, which contains dimensionless parameters, to a controller.
 """
 
 from __future__ import annotations
@@ -187,8 +185,8 @@ def tune(
         N, from 0.5 (half rule) to 1 (average residence time, the default). Use 0 if the model was identified from the
         filtered output, since such a model includes the delay of the filter (sec. 3.1).
     cancelled : int, optional
-        Number of poles at -1/T_0 that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives eq. (22), and a
-        faster response.
+        Number of dominant poles, at -1/T_0, that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives
+        eq. (22), and a faster response.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 

@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# A triple for PI and one for PID. Each holds kp K L/T, the integral time (ti/L for load, ti/T for setpoint) and td/L.
+# One triple for PI and one for PID: kp K L/T, then ti/L (load) or ti/T (setpoint), then td/L.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
@@ -113,7 +113,7 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
     kind : {"PI", "PID"}, optional
         Kind of controller.
     closed_loop_time : float, optional
-        λ, above 0. By default the lag, which the source calls the aggressive choice.
+        λ, above 0. The default is the lag, which the source calls the aggressive choice.
 
     Returns
     -------

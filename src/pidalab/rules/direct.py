@@ -43,9 +43,9 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     Ms is 1.76 to 2.21. With twice the default `alpha_d` and `alpha_a` it is up to 2.3, and with four times the default
     up to 3.4. Check `pidalab.margins` if the filters are slower.
 
-    These numbers apply if the process equals the model. In the paper's three examples it does not, and the ITAE is 38 %
-    larger, 10 % larger and 26 % smaller than with Table 1. It is 1.8 to 4.5 times the least ITAE for the process
-    itself.
+    These numbers apply if the process equals the model. In the paper's three examples the process differs from the
+    model, and the ITAE is 38 % larger, 10 % larger and 26 % smaller than with Table 1. This ITAE is 1.8 to 4.5 times
+    the least ITAE for the process.
 
     Parameters
     ----------

@@ -26,8 +26,8 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     """Design a PIDA controller for a third-order model with dead time.
 
     The integral, derivative and acceleration times cancel the poles of the model, eq. (8): ``ti = a1``, ``td = a2/a1``,
-    ``ta = a3/a1``. The gain gives the loop of model and filtered controller, eq. (2), the maximum sensitivity `ms` (see
-    `pidalab.gain_for_ms`). This loop does not contain the output filter of eq. (9).
+    ``ta = a3/a1``. With the gain from `pidalab.gain_for_ms`, the loop of model and filtered controller, eq. (2), has
+    the maximum sensitivity `ms`. This loop does not contain the output filter of eq. (9).
 
     Use `output_filter` or a prefilter of the set point. Otherwise a unit step of the set point moves the control signal
     to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
@@ -263,7 +263,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
 
 def _trusted(model: Process | ThreePointModel) -> Process:
-    """Return the process of a three-point model, or raise if it does not match its record. Return others unchanged."""
+    """Return the process of a three-point model that matches its record, or raise. Return other models unchanged."""
     if isinstance(model, Process) or not hasattr(model, "excess_gain"):
         return model  # type: ignore[return-value]
     from pidalab.identification.experiments import MOST_EXCESS_GAIN

@@ -5,21 +5,21 @@ The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and de
 a ValueError. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following formulas differ from
 the paper as we read it. Either the print or our reading is wrong:
 
-* Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. For a
-  short dead time Table 2 then gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
+* Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. With this
+  correction and a short dead time, Table 2 gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
 * Table 2: the formula with 1.768, printed with :math:`\tau_d/\tau` on its left side, gives the integral time for r > 1.
-  It continues the formula for r ≤ 1, with a jump of 1.4 %.
+  At r = 1 it differs from the formula for r ≤ 1 by only 1.4 %.
 * Table 3: both exponentials have a negative argument, as in Table 2.
 * Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the gain jumps by 0.003. With a change
   at ξ = 0.9 it would jump by 29 for r = 0.1, and have the wrong sign for ξ = 0.3 and r = 2.
-* Table 1: the last four lines belong to ξ > 1, where they continue the other lines.
+* Table 1: the last four lines belong to ξ > 1. At ξ = 1 they agree with the other lines.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
 The printed tunings confirm the first, third and last correction, but do not test the others. All constants are as
 printed. The largest jump between two branches of a formula is 13 %, in the gain of Table 2 at ξ = 0.9 for r = 2.
 
 `setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits. Even with these factors the ITAE
-stays well above the least possible. The rules of the module `direct`, which use no tables, come closer to it.
+stays well above its minimum.
 """
 
 from __future__ import annotations
@@ -400,7 +400,7 @@ def _pida(
     except ArithmeticError:  # a formula overflows or divides by 0
         kc = tau_i = tau_d = math.nan
     if not min(kc * m.gain, tau_i, tau_d) > 0:
-        raise ValueError(f"f_d = {f_d:g} leads to r = {changed.ratio:g}, where the table does not hold")
+        raise ValueError(f"f_d = {f_d:g} leads to r = {changed.ratio:g}, for which the table fails")
     return NonInteractivePIDA(kc, tau_i, tau_d, tau_d * f_a, alpha_d, alpha_a)
 
 

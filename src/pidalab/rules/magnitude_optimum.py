@@ -9,7 +9,7 @@ are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 condi
 
 eqs. (15) and (16). The areas include the filter, and areas with a negative index are 0. The last condition contains
 :math:`A_{2m+3}`, so 2m + 4 areas are needed. The system is solved in exact fractions, because its condition number
-grows more than a hundredfold if m rises by 1. If the controller could cancel every pole of process and filter, the
+grows more than a hundredfold if m rises by 1. If the controller can cancel every pole of process and filter, the
 gains are unbounded and the system is singular.
 
 The conditions do not ensure stability. If the delay dominates or the process oscillates, the loop is unstable for some
@@ -45,7 +45,7 @@ MO_SOURCES = {
     "filter_time": "chosen",
     "static_gain": "eq. (6)",
     "ie": "eq. (37)",
-    "uncertainty": "from that of the areas",
+    "uncertainty": "from the covariance of the areas",
 }
 UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
 MOST_UPDATES = 300  # number of updates of the filter time before an error is raised
@@ -203,7 +203,7 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     band = 2 * math.pi / _check.real("sample_time", sample_time, above=0.0)
     ratio = abs(_check.real("gain", gain)) / wanted
     if not ratio:
-        raise ValueError("gain must not be 0: the estimate is proportional to a power of it")
+        raise ValueError("gain must not be 0: the estimate is proportional to a power of the gain")
     if n == m:
         return ratio ** (1 / m)
     return (ratio**2 / band * (1 / (2 * m + 1) + 1 / (2 * (n - m) - 1))) ** (1 / (2 * m + 1))
@@ -252,8 +252,8 @@ def tune_for_noise(
 
     Notes
     -----
-    With the initial value and the four updates of Fig. 5, filter times and gains agree with the paper within a unit of
-    the last digit: 69 of 70 in Tables 3 to 5, and all 18 in Table 6. With the default number of updates, they differ by
+    With the initial value and the four updates of Fig. 5, 69 of 70 filter times and gains in Tables 3 to 5, and all 18
+    in Table 6, agree with the paper within a unit of the last digit. With the default number of updates, they differ by
     up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
 
     Examples
@@ -284,9 +284,9 @@ def tune_for_noise(
 def tune_for_filter_noise(
     model: Process | MeasuredAreas | ArrayLike, m: int, n: int, noise_gain: float, sample_time: float
 ) -> Design:
-    r"""Design for a noise gain of the controller alone, computed with eqs. (21) and (35) instead of the estimate (32).
+    r"""Design for a noise gain of the controller alone, by eqs. (21) and (35) instead of the estimate of eq. (32).
 
-    The noise is white and constant during each sample. At high frequencies the gain of the process is small, so the
+    The noise is white and constant between samples. At high frequencies the gain of the process is small, so the
     loop is neglected. The transfer function from the noise to the control signal is then about
 
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
@@ -373,7 +373,7 @@ def filtered_noise_gain(
 
 
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
-    """Raise unless the loop is known to be stable."""
+    """Raise if the loop is unstable or its stability is not certain."""
     try:
         verdict = "" if is_stable(loop) else "is unstable"
     except ArithmeticError as reason:
@@ -391,7 +391,7 @@ def _require_sure(share: Array, m: int) -> None:
         worst = int(np.argmax(share))
         raise ValueError(
             f"model: the record leaves K_{worst - 1} uncertain by {100 * share[worst]:.3g} % with m = {m}, and "
-            f"{100 * UNSURE:g} % is allowed; take a lower m, or a better record"
+            f"less than {100 * UNSURE:g} % is allowed; take a lower m, or a better record"
         )
 
 
@@ -441,13 +441,13 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
     result = series.solve(matrix, [Fraction(-1, 2), *[Fraction(0)] * (size - 1)])
     if result is None:
         raise ValueError(
-            f"the areas leave the gains for m = {m} undetermined (singular matrix); take a lower m or a higher n"
+            f"the areas do not determine the gains for m = {m} (singular matrix); take a lower m or a higher n"
         )
     return result
 
 
 def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
-    """Return the relative change of each gain for a change `steps` of each area, shape (m + 2, 2m + 4), or inf."""
+    """Return the relative change of each gain for a step of each area, shape (m + 2, 2m + 4). It may be infinite."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
@@ -471,7 +471,7 @@ def _require_digits(areas: Sequence[Fraction], gains: Sequence[Fraction]) -> Non
     if not error < LOST:
         raise ValueError(
             f"the areas leave the gains for m = {m} ill-conditioned: rounding may change gains by {100 * error:.2g} %, "
-            f"and {100 * LOST:g} % is allowed; take a lower m or a higher n"
+            f"and less than {100 * LOST:g} % is allowed; take a lower m or a higher n"
         )
 
 

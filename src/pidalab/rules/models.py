@@ -55,7 +55,7 @@ def lag_with_delay(model: Process) -> tuple[float, float, float]:
 
 
 def second_order(model: Process) -> SecondOrder:
-    """Return the parameters of a second-order model inside the range of the rule, or raise."""
+    """Return the parameters of a second-order model, or raise if it is outside the range of `itae`."""
     gain, (a2, a1) = lags(model, 2)
     tau = math.sqrt(a2)
     damping = round(a1 / (2 * tau), 12)
@@ -83,7 +83,7 @@ class StartingModels:
 
     @cached_property
     def reaction(self) -> Process:
-        """Lag with dead time, from the steepest tangent and 63 % of the step response, or an integrator."""
+        """Lag with dead time, from the step response (steepest tangent and time at 63 %), or an integrator."""
         if not self._settles():
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:
@@ -132,7 +132,7 @@ class StartingModels:
 
     @cached_property
     def _undelayed(self) -> Process:
-        """The process without its dead time, which only shifts the response and would coarsen the grid."""
+        """The process without its dead time, which would only shift the response and make the time grid coarser."""
         return Process(self.process.num, self.process.den)
 
     @staticmethod

@@ -15,8 +15,8 @@ With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le 
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
-In double precision the formula is accurate to 14 digits for m up to at least 24. In particular
-:math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`.
+In particular :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`. In double
+precision the formula for :math:`c_j` is accurate to 14 digits for m up to at least 24.
 """
 
 from __future__ import annotations
@@ -113,9 +113,8 @@ def _coefficient(m: int, j: int) -> float:
 def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
-    The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
-    either of them. For n = m the loop with the filter has no such pole, and eq. (9) gives the pole of the filter,
-    -1/T_f, instead.
+    The filter and the dead time T_e are equivalent if both give a loop with a pure integrator the same dominant pole.
+    For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of the filter, -1/T_f.
 
     Parameters
     ----------
@@ -157,7 +156,7 @@ def prefilter_weights(m: int, cancelled: int) -> tuple[float, ...]:
     m : int
         Order of the highest derivative, at least 0.
     cancelled : int
-        Number p of cancelled poles, from 1 to m + 1. The more poles are cancelled, the faster is the response.
+        Number p of cancelled poles, from 1 to m + 1. The more poles are cancelled, the faster the response.
 
     Returns
     -------
@@ -223,7 +222,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         - ``m``, ``n``, ``te``: the arguments,
         - ``delay``: the total dead time,
         - ``pole``: the dominant pole, in 1/time,
-        - ``kc``, ``ti``, ``td``: gain, integral time, and the tuple of T_D1 ... T_Dm in time, time², ...,
+        - ``kc``, ``ti``, ``td``: gain, integral time, and the tuple of T_D1 ... T_Dm with the units time, time², ...,
         - ``filter_time``: T_f,
         - ``weights``: b_0, b_1, ... of the prefilter,
         - ``ie``: the integral of the error after a unit step of the set point (the IAE if the error does not change its
@@ -282,7 +281,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         "smallest_te": smallest_te(m, n) * dead_time if n else 0.0,
     }
     stable = te > info["smallest_te"] or m < 2
-    verdict = "stable" if stable else "unstable with the model, which needs a longer te"
+    verdict = "stable" if stable else "unstable with the model; choose a longer te"
     sources = MRDP_SOURCES | {"smallest_te": f"not in the paper; {verdict}"}
     prefilter = _prefilter(weights, [ti * x for x in (1.0, *td)])
     return Design(model, controller, prefilter, None, "huba2018, sec. II.B", info, sources)
@@ -314,14 +313,14 @@ def smallest_te(m: int, n: int) -> float:
     r"""Compute the shortest T_e, divided by the dead time of the model, for which the loop with the model is stable.
 
     For m = 0 and m = 1 every T_e is long enough: even without filter, \|L\| falls to 0 (m = 0) or to 0.21 (m = 1) at
-    high frequencies. For m of 2 and more, \|L\| would rise without bound, and only the filter reduces it. Far above the
-    crossover \|L\| has a maximum
+    high frequencies. For m of 2 and more, \|L\| without filter rises without bound. With the filter, \|L\| has
+    a maximum far above the crossover,
 
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
-    and near this maximum the phase of the dead time passes through all values. So the loop is stable if the maximum is
-    below about 1. The function starts from this estimate and bisects, testing stability by the argument principle.
+    and near this frequency the phase of the dead time passes through all values. So the loop is stable if the maximum
+    is below about 1. The function starts from this estimate and bisects, testing stability by the argument principle.
 
     Parameters
     ----------

@@ -6,8 +6,8 @@
 model            definition
 ===============  =====================================================================================================
 `process`        the process itself
-`reaction`       lag with dead time, from the steepest tangent and 63 % of the step response. If the process
-                 integrates, `integrator`.
+`reaction`       lag with dead time, from the steepest tangent of the step response and the time at which it
+                 reaches 63 %. If the process integrates, `integrator`.
 `first_order`    `reduction.to_fopdt`
 `second_order`   `reduction.to_sopdt`
 `third_order`    `identification.three_point` of the step response
@@ -57,7 +57,7 @@ class Rule:
     source : str
         Paper and equations.
     models : mapping
-        Name of the model for each kind of controller, from the table above.
+        Name of the model for each kind of controller, from the table of this module.
     design : callable
         Function of a model, a kind and `Requirements` that returns a `Design`.
     short : str
@@ -91,7 +91,7 @@ class Rule:
         kind : str
             One of `kinds`.
         requirements : Requirements, optional
-            A rule uses Ms, or the noise gain with its sample time, or none of them.
+            Each rule uses Ms, or noise gain and sample time, or nothing.
 
         Returns
         -------
@@ -178,7 +178,7 @@ def _direct(test: str) -> Rule:
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
     """Design with the shortest filter time that meets the noise limit and is at least the sample time.
 
-    Without a noise limit the filter time T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the sum of lags and dead time.
+    Without a noise limit the filter time T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the average residence time.
     """
     m, noise_gain, sample_time = ORDER[kind], limits.noise_gain, limits.sample_time
     if noise_gain is None or sample_time is None:

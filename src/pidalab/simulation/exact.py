@@ -167,11 +167,12 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
 
     Notes
     -----
-    The size at a time is the largest value of the signal from t = 0 to one dead time later. So a growing response must
-    be exact from the start, but a response that begins with zeros need not be exact at the zeros. Compared with a kick
-    of 1e13, every later difference would be negligible. So differences outside kicks are also compared with the largest
-    value outside kicks, with a larger tolerance. After `KICK_UNRESOLVED` time constants, values during the fastest
-    kick, just after a multiple of the dead time, are not compared, because the rounding of the time alone changes them.
+    The size at a time is the largest value of the signal from t = 0 to one dead time after this time. So a growing
+    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros.
+    Compared with a kick of 1e13, every later difference would be negligible. So differences outside kicks are also
+    compared with the largest value outside kicks, with a larger tolerance. The fastest kick follows each multiple of
+    the dead time. After `KICK_UNRESOLVED` time constants its values are not compared, because rounding of the time
+    alone changes them.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -400,7 +401,6 @@ def step_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        Response, as from `simulate` with ``setpoint=1.0``.
 
     Examples
     --------
@@ -424,7 +424,6 @@ def load_response(loop: Loop, t: ArrayLike) -> Response:
     Returns
     -------
     Response
-        Response, as from `simulate` with ``load=1.0``.
 
     Examples
     --------

@@ -20,8 +20,8 @@ stack lack the terms of the dropped coefficients, so only these states are inexa
 its oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output. In the
 balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of powers, the
 largest coefficient of a power, the gain of the other powers that are applied, and the largest old state. This bound is
-far below rounding if no coefficient or state is 1e10 times as large as the requested values. If one is, rounding errors
-are larger than the bound. `checked_responses` detects rounding errors by a second computation in other units. It cannot
+far below rounding if no coefficient or state is 1e10 times as large as the requested values. Otherwise rounding errors
+exceed the bound. `checked_responses` detects rounding errors by a second computation in other units. It cannot
 detect truncation, because both computations are truncated equally.
 """
 
@@ -66,8 +66,8 @@ class ManyDeadTimes(ValueError):
 def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
     """Compute y, its running integral and u at n times from 0, for a unit step on each input. Shape: (inputs, 3, n).
 
-    `step` is the time from one requested time to the next. `norm` is the value of `norm_over` or a larger number, which
-    makes the lowest power shorter.
+    `step` is the time from one requested time to the next. `norm` is the value of `norm_over` or a larger number. The
+    lowest power spans less time if `norm` is larger.
 
     Raises
     ------

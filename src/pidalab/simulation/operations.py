@@ -103,8 +103,8 @@ class _Compiler:
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # Let the last operation write to the target directly if it does not also read the target. If it did,
-            # parallel loops would not be independent.
+            # Let the last operation write to the target directly, except if it also reads the target.
+            # Parallel loops would then not be independent.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])

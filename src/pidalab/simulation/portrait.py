@@ -213,9 +213,9 @@ class Portrait(NamedTuple):
         Total variation of output and control signal, including the first change from 0.
     tv1_y, tv1_u : ndarray
         Total variation in excess of one pulse (huba2024, eq. (24)) from 0 to the final value. The final value of y is
-        the set point. The final value of u holds this set point against the load.
+        the prefiltered set point. The final value of u holds y at this value against the load.
     y_min, y_max, u_min, u_max : ndarray
-        Smallest and largest value of all samples and of the state of rest.
+        Smallest and largest value, including the initial value 0.
     y_end, u_end : ndarray
         Last sample.
     diverged : ndarray of bool
@@ -257,7 +257,7 @@ def portrait(
     Parameters
     ----------
     loop : Loop
-        A process and a `SeriesPIDA`. Its values apply to all sets, except those in `parameters`. The loop may have a
+        A process and a `SeriesPIDA`. Values that `parameters` does not contain apply to all sets. The loop may have a
         prefilter, but no output filter.
     parameters : mapping of str to array_like, or pandas.DataFrame
         Arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast to the shape of the grid.
@@ -281,10 +281,12 @@ def portrait(
     Raises
     ------
     TypeError, ValueError
-        If the controller is not a `SeriesPIDA` or the loop has an output filter; if parameters are unknown, not finite,
-        out of range or do not broadcast; if the sample time exceeds the time constant of a filter; if a prefilter is
-        unstable; if no control signal within the limits can hold the load and the set point; and as for
-        `simulate_sampled`.
+        As for `simulate_sampled`. Also in these cases:
+
+        * The controller is not a `SeriesPIDA`, or the loop has an output filter.
+        * Parameters are unknown, not finite or out of range, or do not broadcast.
+        * A prefilter is unstable.
+        * No control signal within the limits can hold the set point against the load.
     MemoryError
         If the grid has more than ten million sets.
 
@@ -310,7 +312,7 @@ def portrait(
     plant = plant_steps(loop.process, h, Actuator(*at_rest, 0.0, 0))
     rest = _state_of_rest(loop, bank, at_rest, r[-1], d[-1])
     require_executor(executor)
-    # The kernels need whole groups of lanes, so copies of the last set fill the last group.
+    # Kernels compute groups of `LANES` sets, so copies of the last set fill the last group.
     sets = math.prod(bank.shape)
     places = np.minimum(np.arange(-(-sets // LANES) * LANES), sets - 1)
     size = -(-places.size // (TASKS * LANES)) * LANES

@@ -225,7 +225,7 @@ class _States:
 def cut_at_delay(loop: Loop, inputs: str, unit: float = 1.0) -> Cut:
     """Open the loop at its dead time. `inputs` names the step inputs: letters out of "r", "d" and "n".
 
-    In the cut loop, the unit of time is `unit` times that of the loop, and u is `unit` times as large.
+    In the cut loop, the unit of time is `unit` times as long, and the values of u are `unit` times as large.
 
     Raises
     ------

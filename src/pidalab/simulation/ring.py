@@ -23,8 +23,8 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# Relative size of the coefficients that are dropped from the end of an element. It is so small because an element holds
-# coefficients of the plant next to those of a kick (a short, very large signal). With 1e-20, a kick of 1e22 caused an
+# Relative size of the coefficients that are dropped from the end of an element. It is so small because one element
+# holds the coefficients of the plant and of a kick (a short, very large signal). With 1e-20, a kick of 1e22 caused an
 # error of 4e-9 in y.
 DROPPED = 1e-26
 TAYLOR_TERMS = 14  # for a norm of at most 1/2, the next term is about 1e-17 times the first term

@@ -10,8 +10,6 @@ Each sample interval has one or two pieces with a constant input. A matrix expon
 exactly. The controller is discretised for a held input as well. The only remaining difference from the continuous loop
 is the delay of a real digital controller: half a sample for reading and half a sample for holding. So the difference is
 proportional to h.
-
-Pulse width modulation is also simulated exactly.
 """
 
 from __future__ import annotations
@@ -59,7 +57,7 @@ def simulate_sampled(
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
     step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead of at rest.
     To start it at rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and
-    every prefilter are discretised for held inputs with this sample time. All signals and limits are relative to the
+    every prefilter are discretised for held inputs with the step of `t`. All signals and limits are relative to the
     state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
@@ -77,8 +75,7 @@ def simulate_sampled(
     setpoint, load, noise : float or array_like, shape (n,), optional
         As for `simulate`.
     limits : tuple of float, optional
-        Smallest and largest control signal. 0 must lie between them or be one of them. The limits of a `SeriesPIDA`
-        also apply.
+        Smallest (at most 0) and largest (at least 0) control signal. The limits of a `SeriesPIDA` also apply.
     plant : Process or AsymmetricPlant, optional
         Plant to simulate instead of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
@@ -91,7 +88,7 @@ def simulate_sampled(
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
-        or an integral uses the limited signal before rounding. With the rounded signal it would stick.
+        or an integral uses the limited signal before rounding, because it would stick with the rounded signal.
     pulse_widths : int, optional
         Number of widths of pulse width modulation. In each sample the actuator is at the upper limit during the pulse,
         and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``, chosen so that the
@@ -107,13 +104,17 @@ def simulate_sampled(
     Raises
     ------
     TypeError, ValueError
-        If times are not uniform from 0; if signals have another length or contain NaN; if limits are out of order or do
-        not contain 0; if quanta are negative; if the plant has direct feedthrough without dead time; if an unstable
-        loop overflows; if a filter in or after a continuous controller is faster than the sample time; if a digital
-        controller has another sample time; if anti-windup is requested for a controller without integral action or with
-        a reset; if conditioning is requested with kp/ki below the sample time, with which it would be unstable; if
-        pulses are requested without finite limits, with a quantum of the control signal, or for a plant that is not
-        linear or has direct feedthrough.
+        In each of these cases:
+
+        * Times are not uniform from 0, or signals have another length or contain NaN.
+        * Limits are out of order or do not contain 0, or quanta are negative.
+        * The plant has direct feedthrough without dead time, or an unstable loop overflows.
+        * A filter in or after a continuous controller is faster than the sample time.
+        * A digital controller has another sample time.
+        * Anti-windup is requested for a controller without integral action or with a reset.
+        * Conditioning is requested with kp/ki below the sample time, which would make it unstable.
+        * Pulses are requested without finite limits, with a quantum of the control signal, or for a plant that is not
+          linear or has direct feedthrough.
 
     Notes
     -----
@@ -340,8 +341,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     r"""Return the ratio of the standard deviations of control signal and white measurement noise, in the sampled loop.
 
     The noise n is held for a sample, and the controller is digital as in `simulate_sampled`. Limits, a rate limit and a
-    deadband are ignored. By Parseval's theorem the ratio, the H2 norm from n to u, is the root of the sum of squares of
-    the control signal after a single sample of noise of height 1.
+    deadband are ignored. The ratio is the H2 norm from n to u. By Parseval's theorem it is the root of the sum of
+    squares of u after a single sample of noise of height 1.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Simulate many sampled loops in parallel, and compute their measures during the simulation.
 
 The loops have the same plant, limits and inputs but different controllers. Each variable is a row of `LANES` numbers,
-one for each loop (a lane). Every operation acts on whole rows, which compiles to vector instructions. The result in a
+one for each loop (its lane). Every operation acts on whole rows, which compiles to vector instructions. The result in a
 lane does not depend on the other lanes.
 """
 
@@ -21,7 +21,7 @@ LANES = 128
 SIXTH, THIRD = 1.0 / 6.0, 1.0 / 3.0
 # A change of sign of the control error e within a sample is ignored if |e| at both ends is at most NEGLIGIBLE times the
 # largest |e|. The area of the other sign is then subtracted from IAE and ITAE instead of added. So IAE is too small by
-# at most 2e-13 times the largest |e| times the duration. For ITAE this bound is multiplied by the time.
+# at most 2e-13 times the largest |e| times the duration. For ITAE this bound is multiplied by the duration.
 NEGLIGIBLE = 1e-13
 
 MEASURES = ("ie", "iae", "ise", "itae", "tv_y", "tv_u", "y_min", "y_max", "u_min", "u_max", "y_end", "u_end")

@@ -149,6 +149,14 @@ def test_drift_is_doubted(wobble, slope, said):
         assert f"the output drifts by {slope * 19:.3g} before the step: it was not at rest" in doubts
 
 
+def test_correlation_of_noise_on_a_drift():
+    t = np.arange(400.0)
+    y = 0.05 * t + np.random.default_rng(1).normal(size=400) + np.where(t > 300, 50.0, 0.0)
+    record = Record(t, np.where(t < 300, 0.0, 1.0), y)
+    assert any("drifts" in doubt for doubt in record.doubts)
+    assert abs(record.noise.correlation) < 0.2
+
+
 def test_doubts_of_levels_and_gaps():
     """Distances of 6 and 8 samples are gaps, a distance of 5 samples is not."""
     t = 0.5 * np.delete(np.arange(101.0), [*range(41, 46), *range(61, 68), *range(81, 85)])
