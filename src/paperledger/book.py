@@ -244,7 +244,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # A run that only records, such as one with a slightly wrong library, may change the verdict of a case.
+                # A run that only records, as in `shake`, may change the verdict of a case.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -262,7 +262,7 @@ class Ledger:
         if row.basis == "reading":
             raise LedgerError(f"{row.id}: its basis is reading, so the row takes no computed value")
         if row.is_statement != statement:
-            raise LedgerError(f"{row.id}: give a printed number to book.compare, a statement to book.decide")
+            raise LedgerError(f"{row.id}: use book.compare for a printed number, book.decide for a statement")
         if digits < DIGITS and "digits" not in row.note:
             raise LedgerError(
                 f"{row.id}: only {digits} digits are kept; the note must say why, with the word 'digits'"
@@ -464,7 +464,7 @@ class Ledger:
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
     """Let ledgers that are opened in this context store values without comparing them. Yield the list of these ledgers.
 
-    The function `printed` returns the printed entry of a row, as the pages read it.
+    The function `printed` returns the printed entry that pages read from a row.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
