@@ -45,7 +45,7 @@ def medians() -> dict[str, list[float]]:
 
 
 def found() -> dict:
-    """Search the optima. Return the data of the page."""
+    """Search for the optima. Return the data of the page."""
     gain, sample = units()
     state = {"ms": MS, "end": END, "sample": float(f"{sample:.6g}"), "noise": NOISE, "limits": LIMITS}
     for kind, order in ORDERS.items():

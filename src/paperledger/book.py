@@ -245,8 +245,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # While `recording`, a verdict may differ from that in the file, since the library may be altered on
-                # purpose.
+                # A run that only records, as in `shake`, may change the verdict of a case.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -264,7 +263,7 @@ class Ledger:
         if row.basis == "reading":
             raise LedgerError(f"{row.id}: its basis is 'reading', so the row takes no computed value")
         if row.is_statement != statement:
-            raise LedgerError(f"{row.id}: give a printed number to book.compare, a statement to book.decide")
+            raise LedgerError(f"{row.id}: use book.compare for a printed number, book.decide for a statement")
         if digits < DIGITS and "digits" not in row.note:
             raise LedgerError(
                 f"{row.id}: only {digits} digits are kept; the note must say why, with the word 'digits'"

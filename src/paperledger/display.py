@@ -119,7 +119,7 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        columns = zip(row, header, strict=False)  # no number follows a cell that spans several columns
+        columns = zip(row, header, strict=False)  # a spanning cell shifts the names, but no number follows it
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]

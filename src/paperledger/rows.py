@@ -60,7 +60,7 @@ class Row:
     Parameters
     ----------
     id : str
-        Permanent id: lower-case words with dots, the first of which is the key of the paper.
+        Permanent id: lower-case words separated by dots. The first word is the key of the paper.
     where : str
         Place in the paper.
     quantity : str
@@ -68,8 +68,8 @@ class Row:
     printed : str
         The printed number, digit for digit, or a paraphrase of the statement.
     computed : str, optional
-        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if not yet computed or settled by
-        reading.
+        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if settled by reading or not yet
+        computed.
     verdict : str, optional
         One of `VERDICTS`, or empty if undecided.
     basis : str, optional

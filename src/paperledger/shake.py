@@ -47,7 +47,7 @@ from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, expone
 
 SIZE = 1e-5  # the relative change of a number is two to six times this
 PRINTS = 1e-3  # change of a printed number, divided by the change of a result of the library
-# A row with a smaller relative change was copied. The change is rounding of the stored number.
+# A row with a smaller relative change was copied. Such a change is only rounding of the stored number.
 COPIED = 1e-9
 # A row with a smaller relative change was computed from printed numbers. These change rows by 4e-8 or a few times as
 # much, and the library changes rows by at least 2e-6.

@@ -98,7 +98,7 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Return an upper bound of the norm of A(z) for all ages within n requested times (see `pidalab.simulation.exact`)."""
+    """Return an upper bound of the norm of A(z) for all ages within n requested times (see `simulation.exact`)."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
