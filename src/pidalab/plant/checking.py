@@ -103,7 +103,7 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step over that of the best gains of the same kind, Ms and noise gain, in per cent.
+        """Excess of the IAE of a load step over that of the best gains of the same kind, Ms and noise gain, in %.
 
         The loss is negative if the running gains are better than all gains that the search found. (The search uses no
         filter faster than the sample time.) If the search found none, the loss is nan.
