@@ -352,7 +352,7 @@ class Ledger:
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """Check that the page has passed all its rows and none was refused, and print the score.
+        """Check that the page has passed all its rows and that none was refused. Print the score.
 
         Raises
         ------
