@@ -165,7 +165,7 @@ class Row:
             return verdicts.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
-        """Return computed minus printed in units of the last printed place, or None without both numbers.
+        """Return computed minus printed in units of the last printed place, or None if a number is missing.
 
         Returns
         -------

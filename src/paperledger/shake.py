@@ -12,9 +12,9 @@ Invariant: a wrapper changes its result only if ``_inside`` is 0 before and afte
 outermost call changes. All calls inside it are exact. So searches converge, and each number is changed only once.
 Constructors and operators are exact, and so is every call inside them.
 
-The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. It is
-deterministic. It varies with x, so that the quotient of two results changes as well. Whole numbers, 0 and infinities do
-not change.
+The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. The
+change is deterministic. It varies with x, so that the quotient of two results changes as well. Whole numbers, 0 and
+infinities do not change.
 
 Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So a number
 computed from printed numbers changes much less than a number computed with the library. Pages with rows of the basis

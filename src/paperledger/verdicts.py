@@ -57,7 +57,7 @@ def read_number(text: str) -> Decimal:
         raise LedgerError(f"{text!r} is not a plain number such as 0.382, -8 or 1e-3")
     mantissa, _, power = text.lower().partition("e")
     if len(mantissa) > LONGEST or len(power) > len("-999") or abs(int(power or 0)) > LARGEST_EXPONENT:
-        raise LedgerError(f"{text[:40]!r} is beyond double precision, or has more than {LONGEST} digits")
+        raise LedgerError(f"{text[:40]!r} is outside the range of doubles, or has more than {LONGEST} digits")
     return Decimal(text)
 
 
@@ -98,7 +98,7 @@ def agrees(fresh: str, stored: str) -> bool:
 
 
 def write(value: float, floor: int, digits: int = DIGITS) -> str:
-    """Write a value to a number of significant digits, trailing zeros included.
+    """Write a value with this number of significant digits, including trailing zeros.
 
     Digits below ``10**floor`` are dropped, since a computed zero has only rounding noise there.
 
