@@ -345,7 +345,7 @@ def find_folder(folder: Path | str | None = None) -> Path:
         if (parent / FOLDER).is_dir():
             return parent / FOLDER
     raise LedgerError(
-        f"no folder {FOLDER.as_posix()} in {here} or above it; the ledgers come with a clone of the book"
+        f"no folder {FOLDER.as_posix()} in {here} or above it; create it, or use a clone of the book"
     )
 
 
