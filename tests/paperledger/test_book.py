@@ -96,8 +96,8 @@ def test_numbers_nested_by_the_parts_of_their_ids():
             (1.0, 2.0),
             "demo.t1.kp: use book.compare for a printed number, book.decide for a statement",
         ),
-        ("compare", "t2.iae", 1.0, "demo.t2.iae: its basis is reading"),
-        ("decide", "s3", (1, 2), "demo.s3: its basis is reading"),
+        ("compare", "t2.iae", 1.0, "demo.t2.iae: its basis is 'reading'"),
+        ("decide", "s3", (1, 2), "demo.s3: its basis is 'reading'"),
         ("decide", "s1", 1.0, "demo.s1: expected a pair (left, right), found 1.0"),
         (
             "compare",
