@@ -1,8 +1,8 @@
 """Make the figure of the first page, which shows the benefit of acceleration and its cost in noise.
 
-It compares the PI, PID and PIDA that have the least IAE after a load step, all for one plant and with the same maximum
-sensitivity. The reader sets the limit of the relative noise gain with a slider. Without JavaScript an image is shown.
-The medians of the study of 134 plants are for the same conditions.
+The figure compares the PI, PID and PIDA that have the least IAE after a load step, all for one plant and with the same
+maximum sensitivity. The reader sets the limit of the relative noise gain with a slider. Without JavaScript an image is
+shown. The medians of the study of 134 plants are for the same conditions.
 """
 
 import json

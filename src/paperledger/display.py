@@ -138,7 +138,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 
 def verdict(row: Row) -> Cell:
-    """Make a cell of a verdict, with the basis unless it is ``computed``."""
+    """Make a cell of a verdict. The cell also shows a basis other than ``computed``."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, "")
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:

@@ -336,7 +336,7 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True if the relation compares a residual with rounding. Then only the decade of the residual is stored."""
+        """True if the relation compares a residual with rounding. The evidence stores only its decade."""
         return self.convention == ROUNDING
 
     @property
