@@ -68,7 +68,7 @@ def ledger() -> str:
         said = str(missing)
     else:
         said = "found where none can be"
-    assert "come with a clone" in said, said
+    assert "use a clone" in said, said
     return f"ledger: {said}"
 
 

@@ -1,8 +1,8 @@
 """Make the figure of the first page, which shows the benefit of acceleration and its cost in noise.
 
-It compares the PI, PID and PIDA that have the least IAE after a load step, all for one plant and with the same maximum
-sensitivity. The reader sets the limit of the relative noise gain with a slider. Without JavaScript an image is shown.
-The medians of the study of 134 plants are for the same conditions.
+The figure compares the PI, PID and PIDA that have the least IAE after a load step, all for one plant and with the same
+maximum sensitivity. The reader sets the limit of the relative noise gain with a slider. Without JavaScript an image is
+shown. The medians of the study of 134 plants are for the same conditions.
 """
 
 import json
@@ -45,7 +45,7 @@ def medians() -> dict[str, list[float]]:
 
 
 def found() -> dict:
-    """Search the optima. Return the data of the page."""
+    """Search for the optima. Return the data of the page."""
     gain, sample = units()
     state = {"ms": MS, "end": END, "sample": float(f"{sample:.6g}"), "noise": NOISE, "limits": LIMITS}
     for kind, order in ORDERS.items():

@@ -84,7 +84,7 @@ def use(wheel: Path) -> None:
 
 
 def main() -> int:
-    """Return 1 if a file is incomplete."""
+    """Return 1 if the wheel or the archive has the wrong files."""
     archive, wheel = build()
     if wrong := missing(wheel, archive):
         print("\n".join(wrong), file=sys.stderr)

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def process(found: Any, off: Off) -> Any:
-    """Change gain, dead time and unit of time of a process. Multiple poles stay together."""
+    """Change gain, dead time and unit of time of a process. Multiple poles stay multiple."""
     gain, delay, unit = off(1.0, "gain"), off(found.delay, "delay"), off(1.0, "unit")
     num, den = ([c * unit**k for k, c in enumerate(reversed(part))][::-1] for part in (found.num, found.den))
     return type(found)([gain * c for c in num], den, delay)

@@ -1,4 +1,4 @@
-"""Build the site: Jupyter Book writes the pages from the stored outputs of the notebooks, then tasks become sheets.
+"""Build the site with Jupyter Book from the stored outputs of the notebooks, and write the tasks as sheets.
 
 No notebook runs here. `make test` compares the notebooks with their stored outputs, and `make notebooks` stores new
 outputs. The site is built from a copy, so that the work tree does not change.

@@ -67,7 +67,7 @@ def tie_marks(app, pagename, templatename, context, doctree):
         context["body"] = MARKED.sub(r'<span class="tied">\1</span>', context["body"])
 
 
-# --- numbers of figures and exercises, by the lecture whose title begins with a number, otherwise by the page ---
+# --- figures and exercises: counted on each page, after the number with which the title begins, if any ---
 
 
 def prefix_of(title: str) -> tuple[int, ...]:

@@ -47,7 +47,7 @@ def darkened(svg: str) -> str:
         [],
         0,
         0,
-    )  # number of open groups inside a group that stays as drawn
+    )  # kept: depth inside a group that stays as drawn, or 0
     for group in GROUP.finditer(svg):
         text = svg[start : group.start()]
         pieces.append(text if kept else _inked(text))

@@ -1,4 +1,4 @@
-"""Add the button that runs the cells of a page, if ``make book LIVE=1`` adds the engine to the site."""
+"""Add the button that runs the cells of a page, if the site is built by ``make book LIVE=1``."""
 
 import os
 import re

@@ -1,7 +1,7 @@
 """Search for sections of the site without a server. Chapters come before the reference.
 
-While several processes write the pages, the text of every section is stored next to the page's doctree. At the end it
-becomes one script, which the search page loads with MiniSearch. A page opened from disk could not load a data file.
+While several processes write the pages, the text of every section is stored next to the page's doctree. At the end
+these texts become one script for MiniSearch, since a search page opened from disk could not load a data file.
 """
 
 import json
@@ -29,7 +29,7 @@ WEIGHTS = (
     ("", 1.0),
 )
 
-# Additional search words by section. Such a section has the weight of a page, even in the reference.
+# Additional search words by section. These sections have the weight 1, even in the reference.
 ALSO = {
     "book/heo2023.html#the-idea": "dead time",
     "book/how-do-i.html#install-pidalab": "install installation setup download pip PyPI Binder Colab",
@@ -68,8 +68,8 @@ class Sections(HTMLParser):
     def __init__(self):
         super().__init__()
         self.found = []  # anchor, words of the title and words of the text, in the order of the page
-        self.open = []  # open elements: tag, and their section if they are one
-        self.left_out = self.title = 0  # number of open elements at an ignored element or a title, or 0
+        self.open = []  # tag of each open element, and its section if it is one
+        self.left_out = self.title = 0  # depth of the open ignored element and title, or 0
 
     def section(self):
         """Return the innermost section that has a title."""
@@ -108,7 +108,7 @@ class Sections(HTMLParser):
             self.title = 0
 
     def handle_data(self, data):
-        # The text of a formula without its delimiters.
+        # Remove the delimiters of formulas.
         words = MATHS.sub("", data).strip()
         if not words or self.left_out:
             return

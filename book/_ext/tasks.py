@@ -121,7 +121,7 @@ class Task(SphinxDirective):
     def run(self):
         label = self.options.get("label", "")
         if not re.fullmatch(r"task(-[a-z\d]+)+", label):
-            raise self.error(f"the label of a task is task-, a page and a number, found {label!r}")
+            raise self.error(f"expected a label such as task-3-2, found {label!r}")
         try:
             parts = parts_of("\n".join(self.content))
         except (ValueError, yaml.YAMLError) as error:

@@ -101,8 +101,8 @@ def live_knob(model):
         knobs=[knob | {"design": k, "label": label} for k, label in enumerate(labels)],
         plots=["nyquist", "load"],
         numbers=["ms", "gm", "pm", "iae"],
-        caption="Turn one of the knobs. Each curve touches the circle of radius 1/Ms around −1, and a higher Ms "
-        "holds the load better. In these PIDA loops on the model one filter replaces N, M and F.",
+        caption="Turn one of the knobs. Each curve touches the circle of radius 1/Ms around −1. With a higher Ms "
+        "the load is rejected better. Both loops consist of a PIDA with a single filter, and the model.",
         lab=True,
     )
     for drawn, ms in zip(live.state["designs"], labels.values(), strict=True):

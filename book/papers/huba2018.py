@@ -18,7 +18,7 @@ from pidalab.identification import ipdt_tangent
 from pidalab.rules import mrdp
 
 ORDERS = range(5)  # derivative orders m of the tables
-TABLE2 = [(m, n) for m in ORDERS for n in range(max(m, 1), 7)]  # its cells
+TABLE2 = [(m, n) for m in ORDERS for n in range(max(m, 1), 7)]  # cells of Table II
 DESIGNED = [
     (m, n) for m, n in TABLE2 if n > m
 ]  # eq. (9) determines the pole only in these cells
@@ -42,7 +42,7 @@ def equal_load(m, ie):
 
 
 def noise_in_u(loop, samples=250):
-    """Return the standard deviation of u under white noise of 1, with `samples` in a dead time."""
+    """Return the standard deviation of u per unit of white noise, with `samples` values in a dead time."""
     w = np.linspace(0.0, samples * np.pi, 10_001)[1:]
     return np.sqrt(np.mean(np.abs(loop.transfer("u", "n", 1j * w)) ** 2))
 
@@ -68,9 +68,8 @@ def thermal_plant(
 
     t = np.linspace(0.0, 15 * TANGENT["delay"], 6001)
 
-    def tangent(
-        lag,
-    ):  # The true dead time only adds to that of the tangent.
+    # The true dead time adds to the delay of the tangent, so `tangent` omits it.
+    def tangent(lag):
         rising = plant(1.0, lag).rising
         undelayed = pidalab.Process(rising.num, rising.den)
         return ipdt_tangent(t, pidalab.open_loop_step(undelayed, t).y)

@@ -63,7 +63,7 @@ class Ledger:
     """
 
     _recorded: ClassVar[list["Ledger"] | None] = None  # ledgers that `recording` collects
-    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # returns the printed entry that pages read
+    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # maps a row to its printed value
 
     def __init__(
         self,
@@ -214,8 +214,9 @@ class Ledger:
         id : str
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Left and right side for each case, or one pair for a single case. The worst case decides, or the best if the
-            relation says *some*. An identity takes residuals instead of pairs. ``==`` requires integers.
+            Left and right side for each case, or one pair for a single case. The worst case decides. If the relation
+            contains *some*, the best case decides. An identity takes residuals instead of pairs. ``==`` requires
+            integers.
         digits : int, optional
             As in `compare`.
 
@@ -227,7 +228,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            As in `compare`, or if a side is not a number of the kind that the relation compares.
+            As in `compare`. Also if a side has the wrong type, such as a float where the relation is ``==``.
 
         Examples
         --------
@@ -244,7 +245,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # A run that only records, such as one with a slightly wrong library, may change the verdict of a case.
+                # A run that only records, as in `shake`, may change the verdict of a case.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -260,9 +261,9 @@ class Ledger:
         """Return the row of an id, after checking that the row takes this kind of value."""
         row = self.row(id)
         if row.basis == "reading":
-            raise LedgerError(f"{row.id}: its basis is reading, so the row takes no computed value")
+            raise LedgerError(f"{row.id}: its basis is 'reading', so the row takes no computed value")
         if row.is_statement != statement:
-            raise LedgerError(f"{row.id}: give a printed number to book.compare, a statement to book.decide")
+            raise LedgerError(f"{row.id}: use book.compare for a printed number, book.decide for a statement")
         if digits < DIGITS and "digits" not in row.note:
             raise LedgerError(
                 f"{row.id}: only {digits} digits are kept; the note must say why, with the word 'digits'"
@@ -352,7 +353,7 @@ class Ledger:
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """Check that the page has passed all its rows and none was refused, and print the score.
+        """Check that the page has handed over all its rows and that none was refused. Print the score.
 
         Raises
         ------
@@ -464,7 +465,7 @@ class Ledger:
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
     """Let ledgers that are opened in this context store values without comparing them. Yield the list of these ledgers.
 
-    The function `printed` returns the printed entry of a row, as the pages read it.
+    The function `printed` maps a row to the printed value that pages get. By default this is the value in the file.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])

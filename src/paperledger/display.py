@@ -119,7 +119,7 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        columns = zip(row, header, strict=False)  # no number follows a cell that spans several columns
+        columns = zip(row, header, strict=False)  # a spanning cell shifts the names, but no number follows it
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -138,7 +138,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 
 def verdict(row: Row) -> Cell:
-    """Make a cell of a verdict, with the basis unless it is ``computed``."""
+    """Make a cell of a verdict. The cell also shows a basis other than ``computed``."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, "")
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:
@@ -236,7 +236,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS has the plurals of their first words.
+# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS has plurals of first words.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 

@@ -118,7 +118,7 @@ def every_row(folder: Path | str | None = None) -> Display:
 
 
 def errata(verdict: str, folder: Path | str | None = None) -> Display:
-    """Show the rows of one verdict for each paper, with the evidence.
+    """Show the rows with one verdict, paper by paper, with their evidence.
 
     Parameters
     ----------

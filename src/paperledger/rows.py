@@ -60,7 +60,7 @@ class Row:
     Parameters
     ----------
     id : str
-        Permanent id: lower-case words with dots, the first of which is the key of the paper.
+        Permanent id: lower-case words separated by dots. The first word is the key of the paper.
     where : str
         Place in the paper.
     quantity : str
@@ -68,8 +68,8 @@ class Row:
     printed : str
         The printed number, digit for digit, or a paraphrase of the statement.
     computed : str, optional
-        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if not yet computed or settled by
-        reading.
+        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if settled by reading or not yet
+        computed.
     verdict : str, optional
         One of `VERDICTS`, or empty if undecided.
     basis : str, optional
@@ -165,7 +165,7 @@ class Row:
             return verdicts.derive(self.printed, self.computed, self.note)
 
     def difference(self) -> Decimal | None:
-        """Return computed minus printed in units of the last printed place, or None without both numbers.
+        """Return computed minus printed in units of the last printed place, or None if a number is missing.
 
         Returns
         -------
@@ -345,7 +345,7 @@ def find_folder(folder: Path | str | None = None) -> Path:
         if (parent / FOLDER).is_dir():
             return parent / FOLDER
     raise LedgerError(
-        f"no folder {FOLDER.as_posix()} in {here} or above it; the ledgers come with a clone of the book"
+        f"no folder {FOLDER.as_posix()} in {here} or above it; create it, or use a clone of the book"
     )
 
 

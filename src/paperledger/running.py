@@ -81,8 +81,8 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     """Run the pages of a paper, and store their results and verdicts.
 
     Stored values that still agree are kept, so a run on another machine changes nothing. Everything that a person wrote
-    is also kept: order, basis, relations, notes and declared verdicts. A row whose numbers disagree gets no verdict
-    unless a person has declared one.
+    is also kept: order, basis, relations, notes and declared verdicts. A row whose numbers disagree keeps its
+    declared verdict, or has none.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     Raises
     ------
     LedgerError
-        If no page opens the ledger, an id is unknown, or a value does not fit its row. Then nothing is stored.
+        If no page opens the ledger, an id is unknown, or a value does not fit its row. Nothing is stored then.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # Results of closed ledgers take precedence, since `close` checks that no row is missing.
+    # Results of closed ledgers take precedence. Only pages that call `close` must pass all their rows.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)

@@ -12,13 +12,13 @@ Invariant: a wrapper changes its result only if ``_inside`` is 0 before and afte
 outermost call changes. All calls inside it are exact. So searches converge, and each number is changed only once.
 Constructors and operators are exact, and so is every call inside them.
 
-The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. It is
-deterministic. It varies with x, so that the quotient of two results changes as well. Whole numbers, 0 and infinities do
-not change.
+The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. The
+change is deterministic. It varies with x, so that the quotient of two results changes as well. Whole numbers, 0 and
+infinities do not change.
 
 Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So a number
 computed from printed numbers changes much less than a number computed with the library. Pages with rows of the basis
-*computed* also run with an exact library and changed printed numbers. Then rows with this basis must not change.
+*computed* also run with an exact library and changed printed numbers. In this run rows with this basis must not change.
 """
 
 import os
@@ -47,10 +47,10 @@ from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, expone
 
 SIZE = 1e-5  # the relative change of a number is two to six times this
 PRINTS = 1e-3  # change of a printed number, divided by the change of a result of the library
-# A row with a smaller relative change was copied. The change is rounding of the stored number.
+# A row with a smaller relative change was copied. Such a change is only rounding of the stored number.
 COPIED = 1e-9
-# A row with a smaller relative change was computed from printed numbers. These change rows by 4e-8 or a few times as
-# much, and the library changes rows by at least 2e-6.
+# A row with a smaller relative change was computed from printed numbers. Printed numbers change rows by 4e-8 or a
+# few times as much, and the library changes rows by at least 2e-6.
 PRINTED = 1e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
@@ -376,7 +376,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     row : Row
         The stored row.
     new : Row
-        The same row from a run in which printed numbers and, unless ``shaker.only_prints``, the library are changed.
+        The same row from a run with changed printed numbers, and a changed library if not ``shaker.only_prints``.
     shaker : Shaker
         Shaker of that run.
 

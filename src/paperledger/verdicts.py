@@ -21,7 +21,7 @@ Pair = tuple[float, float]  # integers remain integers
 Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
-WIDEST = Decimal("0.05")  # largest tolerance, as a share of the printed number
+WIDEST = Decimal("0.05")  # largest tolerance, as a fraction of the printed number
 LONGEST, LARGEST_EXPONENT = 350, 330  # most characters of a number, and its largest power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
@@ -57,7 +57,7 @@ def read_number(text: str) -> Decimal:
         raise LedgerError(f"{text!r} is not a plain number such as 0.382, -8 or 1e-3")
     mantissa, _, power = text.lower().partition("e")
     if len(mantissa) > LONGEST or len(power) > len("-999") or abs(int(power or 0)) > LARGEST_EXPONENT:
-        raise LedgerError(f"{text[:40]!r} is beyond double precision, or has more than {LONGEST} digits")
+        raise LedgerError(f"{text[:40]!r} is outside the range of doubles, or has more than {LONGEST} digits")
     return Decimal(text)
 
 
@@ -98,7 +98,7 @@ def agrees(fresh: str, stored: str) -> bool:
 
 
 def write(value: float, floor: int, digits: int = DIGITS) -> str:
-    """Write a value to a number of significant digits, trailing zeros included.
+    """Write a value with this number of significant digits, including trailing zeros.
 
     Digits below ``10**floor`` are dropped, since a computed zero has only rounding noise there.
 
@@ -170,7 +170,7 @@ def tolerance(note: str, printed: Decimal) -> Decimal | None:
     if width < unit(printed) / 2:  # a value that rounds to the printed number could otherwise be refused
         raise LedgerError(f"the tolerance {width} is finer than the printed digits of {printed}")
     if width > max(WIDEST * abs(printed), unit(printed) / 2):
-        raise LedgerError(f"the tolerance {width} is wider than 5 % of {printed}: declare why it differs")
+        raise LedgerError(f"the tolerance {width} is wider than 5 % of {printed}; declare differs instead")
     return width
 
 
@@ -326,17 +326,17 @@ class Relation:
         convention = " | ".join(marks[:-1] if some or parts else marks)
         if sign not in _BOUNDS.get(convention, ()):
             known = f"{', '.join(CONVENTIONS)}, and 'residual <= 1e-9 | rounding' for an identity"
-            raise LedgerError(f"relation {text!r}: {sign} does not allow {convention!r}, only {known}")
+            raise LedgerError(f"relation {text!r}: {sign} does not allow {convention!r}; known: {known}")
         if not parts:
             return cls(left, sign, right, convention, some)
         if convention == ROUNDING:
-            raise LedgerError(f"relation {text!r}: an identity holds for every case or fails")
+            raise LedgerError(f"relation {text!r}: an identity cannot hold in part")
         names = tuple(name.strip() for name in parts[2].split(";"))
         return cls(left, sign, right, convention, some, names, parts[1] == "holds")
 
     @property
     def is_identity(self) -> bool:
-        """True if the relation compares a residual with rounding. Then only the decade of the residual is stored."""
+        """True if the relation compares a residual with rounding. The evidence stores only its decade."""
         return self.convention == ROUNDING
 
     @property
@@ -531,7 +531,7 @@ class Evidence:
         return "holds" if SIGNS[self.sign][0](_exact(self.left), asked) else "fails"
 
     def shown(self) -> str:
-        """Return the inequality for a reader, with the true sign and enough digits to distinguish both sides.
+        """Return the inequality for a reader: negated if it fails, with enough digits to distinguish both sides.
 
         Returns
         -------

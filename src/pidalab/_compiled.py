@@ -32,7 +32,7 @@ LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
 KERNELS = PACKAGE / "simulation"  # folder of all kernels
 LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers than this
-PLAIN_SECONDS = 1.0  # after this time in plain forms, the process looks for compiled code
+PLAIN_SECONDS = 1.0  # a process looks for compiled code after this time in plain forms
 # Time before a second attempt to compile. Each later wait is four times as long as the previous one.
 RETRY_SECONDS = 600.0
 MOST_ATTEMPTS = 6
@@ -69,7 +69,8 @@ class Kernel:
         import numba
 
         config: Any = numba.config
-        # Do not fuse multiplications and additions, so that simulations give the same bits as written C and Python.
+        # Do not fuse multiplications and additions, so that simulations give the same bits as the written C and Python
+        # programs.
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)

@@ -568,7 +568,7 @@ SHOWN = [
         rf"noise gain of 0\.3 .*? saves {N} % .*?{N} % in the median.*?saves {N} % on this.*?{N} % in the median",
         lambda: [landing(0.3), median(saved(OPTIMA, "0.3")), landing(1.5), median(saved(OPTIMA, "1.5"))],
     ),
-    (HEO, rf"The peak after the load is {N} % lower", lambda: lower_peaks()[:1]),
+    (HEO, rf"The load peak is {N} % lower", lambda: lower_peaks()[:1]),
     *(
         (
             HEO,

@@ -139,7 +139,7 @@ def test_evidence_is_the_inequality_with_its_digits(left, sign, right, text, ver
         ("<", {"a": 1.0}, "expected a pair"),
         ("==", (1.0, 1.0), "'==' compares integers"),
         ("≈", (1.0, 2.0), "does not allow ''"),
-        ("≈ | alike", (1.0, 2.0), "not allow 'alike', only similar, slightly"),
+        ("≈ | alike", (1.0, 2.0), "not allow 'alike'; known: similar, slightly"),
         ("< | similar", (1.0, 2.0), "does not allow 'similar'"),
         ("< | much", (1.0, INF), "finite magnitudes"),
         ("residual < 1e-9 | rounding", 1e-12, "does not allow 'rounding'"),

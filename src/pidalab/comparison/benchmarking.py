@@ -172,8 +172,8 @@ class Benchmark:
         -------
         pandas.DataFrame
             A row for each rule and kind with the number of plants. "of its kind" is the median of IAE / (least IAE of
-            the kind). "of all" is the median of IAE / (least IAE of all kinds). On a tenth of the plants, IAE / (least
-            IAE of all kinds) exceeds "worst tenth".
+            the kind). "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that IAE /
+            (least IAE of all kinds) exceeds on a tenth of the plants.
 
         Raises
         ------
@@ -299,7 +299,7 @@ class Benchmark:
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
     def plot(self, terms: str = "loud") -> Figure:
-        """Draw the IAE of all rules for the kinds of controller of this rule, and highlight this rule.
+        """Draw the IAE of all rules that give the same kinds of controller as this rule, and highlight this rule.
 
         Parameters
         ----------

@@ -21,7 +21,7 @@ from pidalab.rules.models import time_scale
 LONGEST_FILTER = 1e4  # longest tried filter, in sample times
 LEAST_SCALE = 0.01  # smallest factor of the gains; with smaller gains a controller has no effect
 TIME_RTOL = 1e-7  # relative accuracy of the filter time
-DENSITY = 4  # multiple of the usual number of frequencies, for six digits of the noise gain
+DENSITY = 4  # with this factor on the usual number of frequencies, the noise gain has six digits
 
 
 def at_equal_terms(
@@ -29,10 +29,10 @@ def at_equal_terms(
 ) -> Design:
     r"""Scale the gain and the filter of a design to a given maximum sensitivity and noise gain.
 
-    The ratios of the gains, and so ti, td and ta, do not change. The filters of the rule are replaced by the filter of
-    the optima, :math:`1/(1 + T_f s)^{m+1}` for all actions, where m is the order of the highest derivative. :math:`T_f`
-    is the shortest filter time that keeps the noise gain within its limit, but at least the sample time. The gain is
-    the largest with which Ms is at most `ms`.
+    The ratios of the gains, and so ti, td and ta, do not change. The filters of the rule are replaced by that of
+    `pidalab.optimal`, :math:`1/(1 + T_f s)^{m+1}` for all actions, where m is the order of the highest derivative.
+    :math:`T_f` is the shortest filter time that keeps the noise gain within its limit, but at least the sample time.
+    The gain is the largest with which Ms is at most `ms`.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def at_equal_terms(
 
 
 def gains_of(controller: Controller) -> Array:
-    """Return the gains from the integral gain upwards, without absent derivatives."""
+    """Return the gains from the integral gain up to that of the highest derivative."""
     values = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
     gains = np.trim_zeros(np.array(values), "b")
     return np.append(gains, np.zeros(max(0, 2 - gains.size)))
@@ -129,6 +129,6 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
-    # The noise may jump at the border, since the gain jumps between ranges of allowed gains. So return a filter time
-    # within the limit.
+    # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So return a filter
+    # time within the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -249,8 +249,8 @@ class DigitalController(Parameters):
         `pidalab.simulate_sampled` does, call ``reset(r=y_offset, y=y_offset)`` first.
 
         A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped, and ``fault`` is True. Filters
-        and integral keep their values. A valid `manual` still sets the control signal. Otherwise the control signal
-        keeps its value, too. The next valid sample continues from these values.
+        and integral keep their values. If `manual` is given and valid, it is returned, else the last control signal.
+        The next valid sample continues from these values.
 
         Parameters
         ----------

@@ -48,7 +48,7 @@ SPACING, LEAST_SPACING = 1e-4, 1e-6
 # The iteration ends after MOST_NEWTON_STEPS steps, or after a step shorter than LAST_STEP. Its result is accepted if
 # the last step is shorter than LARGEST_LAST_STEP.
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
-SMALL_STEP = 1e-3  # after a shorter step, second derivatives are kept if the steps shrink quickly
+SMALL_STEP = 1e-3  # after a step shorter than this, second derivatives are kept if the steps shrink quickly
 # Largest and least radius of the trust region. Steps shorter than LOCAL_STEP count as near the end.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
@@ -348,7 +348,7 @@ def solve_qp(
     slack = np.concatenate([slack, np.full(2 * size, trust)])
     root = np.linalg.cholesky(hessian)  # hessian = root root^T
     best = np.asarray(-np.linalg.solve(hessian, slope), dtype=float)
-    turned = np.linalg.solve(root, rows.T)  # limits (columns) in coordinates with the identity as Hessian
+    turned = np.linalg.solve(root, rows.T)  # a limit in each column; in these coordinates the Hessian is I
     wanted = -slack - rows @ best
     if np.all(wanted <= 0):
         return best, np.zeros(slack.size - 2 * size)

@@ -63,7 +63,7 @@ class Check:
     plants : tuple of Process
         Plants that the log does not rule out.
     ms_worst : float
-        Limit of Ms with any of `plants`, for the suggested sets.
+        Largest Ms that a suggested set of gains may have with any one of `plants`.
     doubts : tuple of str
         Reservations about the judgement.
     """
@@ -103,7 +103,7 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """100 * (IAE / (IAE of the best gains with the same kind, Ms and noise gain) - 1), for a step of the load.
+        """Excess of the IAE of a load step over that of the best gains of the same kind, Ms and noise gain, in %.
 
         The loss is negative if the running gains are better than all gains that the search found. (The search uses no
         filter faster than the sample time.) If the search found none, the loss is nan.
@@ -231,7 +231,7 @@ def check(
 
 
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
-    """Return the share of the changes of u between samples that a controller explains, and the best gain.
+    """Return how much of the sample-to-sample changes of u a controller explains (a share), and the best gain.
 
     The share is nan if u is constant in most samples, as in open loop. The best gain is the proportional gain
     of a least-squares fit from the changes of y to those of u.

@@ -3,8 +3,7 @@
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
 points, but the dead time turns the phase without bound. A grid step is therefore divided further if the dead time turns
 the phase quickly within the step *and* the step may contain a crossover or peak. A step may contain a crossover if the
-magnitude of L is large enough, and a peak if an upper bound of the heights within the step exceeds the highest peak so
-far.
+magnitude of L is large enough. It may contain a peak if an upper bound within the step exceeds the highest peak so far.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memo
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if cos(angle of L) is above this value at both ends of the step.
 NEAR_POSITIVE_AXIS = 0.5
-ROUNDING = 1e-12  # |log |L||, relative imaginary parts and relative differences count as 0 below this
+ROUNDING = 1e-12  # smaller |log |L||, relative imaginary parts and relative differences count as 0
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
 DETOUR = 1.5  # assumed largest value of (length of the path of L between two points) / (their distance)
 NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
@@ -142,7 +141,7 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
 
 
 def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Array]:
-    """Return the places and values of minima of a function, one between the neighbours of each point w[i].
+    """Return place and value of the minimum of a function between w[i - 1] and w[i + 1], for each index i.
 
     Notes
     -----
@@ -396,7 +395,8 @@ class Axis(ABC):
                 & (inner * (1 - ROUNDING) > np.fmin(before, after))
                 & ~(np.fmax(most[:-1], most[1:]) <= best * (1 + NO_HIGHER))
             )
-            # Between the neighbours of a point, |1 + L| decreases by at most the length of the path of L.
+            # Between a point and its neighbour, |1 + L| falls below its value at the point by at most the length of the
+            # path of L.
             three = hills + np.array([[-1], [0], [1]])
             L = samples.num[three] / samples.den[three]
             distance = np.abs(1 + L)

@@ -27,7 +27,7 @@ from pidalab.roots import roots
 # If the dead time turns the phase by more than this angle in rad, rounding hides a fraction of a turn.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
-CLEAR = 10.0  # the grid is extended until |L| is above this value or below 1 / this value
+CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse
 
 
 class LoopFactors(NamedTuple):
@@ -194,7 +194,7 @@ def axis_in_s(loop: Loop) -> AxisInS:
 
 
 def unit_axis(loop: Loop) -> AxisInS:
-    """Return a continuous loop as an `AxisInS`. The loop may be ill-posed, since its gain will be scaled."""
+    """Return a continuous loop as an `AxisInS`. An ill-posed loop is accepted, because the caller scales its gain."""
     return from_factors(loop_factors(loop), static_gain(*open_loop(loop)))
 
 

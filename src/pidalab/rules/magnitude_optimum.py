@@ -7,10 +7,10 @@ are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 condi
 .. math:: \sum_{c=0}^{m+1} (-1)^{c+1} A_{2r+1-c} K_{c-1} = \begin{cases} -\tfrac12 & r = 0 \\ 0 & r = 1 \dots m+1,
           \end{cases}
 
-eqs. (15) and (16). The areas include the filter, and areas with a negative index are 0. The last condition contains
-:math:`A_{2m+3}`, so 2m + 4 areas are needed. The system is solved in exact fractions, because its condition number
-grows more than a hundredfold if m rises by 1. If the controller can cancel every pole of process and filter, the
-gains are unbounded and the system is singular.
+eqs. (15) and (16). Here A_k are the areas of process and filter in series. Areas with a negative index are 0. The last
+condition contains :math:`A_{2m+3}`, so 2m + 4 areas are needed. The system is solved in exact fractions, because its
+condition number grows more than a hundredfold if m rises by 1. If the controller can cancel every pole of process and
+filter, the gains are unbounded and the system is singular.
 
 The conditions do not ensure stability. If the delay dominates or the process oscillates, the loop is unstable for some
 m.
@@ -250,11 +250,9 @@ def tune_for_noise(
         As for `tune` and `filter_time`, and if the filter time does not converge. For n = m this happens if no filter
         gives so small a noise gain.
 
-    Notes
-    -----
-    With the initial value and the four updates of Fig. 5, 69 of 70 filter times and gains in Tables 3 to 5, and all 18
-    in Table 6, agree with the paper within a unit of the last digit. With the default number of updates, they differ by
-    up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
+    Notes ----- The paper's Fig. 5 has an initial value and four updates. With these, 69 of 70 filter times and gains in
+    Tables 3 to 5, and all 18 in Table 6, agree with the paper within a unit of the last digit. With the default number
+    of updates, they differ by up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -292,8 +290,8 @@ def tune_for_filter_noise(
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
     (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form of this transfer
-    function, without the asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result that
-    differs by a few per cent if the filter is not much faster than the loop.
+    function. It does not use the asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result
+    that differs by a few per cent if the filter is not much faster than the loop.
 
     For n above m + 1, the estimate of eq. (32) may lead to only a third of the requested noise gain (column σ_rel of
     Table 4).
@@ -409,7 +407,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
-    elif isinstance(getattr(model, "process", None), Process):  # its numbers would be read as areas
+    elif isinstance(getattr(model, "process", None), Process):  # a fit's values would be taken for areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model

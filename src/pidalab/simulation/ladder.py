@@ -1,10 +1,10 @@
 """Compute step responses of a loop with dead time, one dead time after the other (see `pidalab.simulation.exact`).
 
-A *stack* of m ages is a row of m states, one dead time apart, with the present state last. The *age* of a state is the
-number of dead times by which it precedes the present. A *power* is the matrix exponential of the loop, minus the unit
-matrix, for a time of step * 2^p. Here `step` is the time between requested times, p is an integer, and ``powers[i]``
-has p = low + i. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the number of
-ages that it reads.
+The *age* of a state is the number of dead times by which it precedes the present. A *stack* is a row of states with the
+ages m - 1, ..., 1, 0. A *power* is E - I, where E is the matrix exponential of the loop over the time step * 2^p, and I
+is the unit matrix. Here `step` is the time between requested times, p is an integer, and ``powers[i]`` has p = low + i.
+Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the number of ages that it
+reads.
 
 Notes
 -----
@@ -14,15 +14,15 @@ that the outputs read, plus R - 1 for each power that is still to be applied. St
 because they are 0. This truncation adds no error.
 
 *Error bound.* If one power of reach R were applied r times, the stack would need r (R - 1) more ages. Instead, one
-higher power is applied for each binary digit 1 of r. Together the higher powers have the same effect with a smaller
-total reach, because the last coefficients of each power are dropped (see `ring.shortened`). The oldest states of the
-stack lack the terms of the dropped coefficients, so only these states are inexact. In the same way, an output ignores
-its oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output. In the
-balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of powers, the
-largest coefficient of a power, the gain of the other powers that are applied, and the largest old state. This bound is
-far below rounding if no coefficient or state is 1e10 times as large as the requested values. Otherwise rounding errors
-exceed the bound. `checked_responses` detects rounding errors by a second computation in other units. It cannot
-detect truncation, because both computations are truncated equally.
+higher power is applied for each binary digit 1 of r. Together the higher powers have the same effect. Their total reach
+is smaller, because the negligible last coefficients of each power are dropped (see `ring.shortened`). The oldest states
+of the stack lack the terms of the dropped coefficients, so only these states are inexact. In the same way, an output
+ignores its oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output.
+In the balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of
+powers, the largest coefficient of a power, the gain of the other applied powers, and the largest old state. This
+bound is far below rounding errors if no coefficient or state is 1e10 times as large as the requested values. If one is,
+the rounding errors are larger still. `checked_responses` detects rounding errors by a second computation in other
+units. It cannot detect truncation, because both computations are truncated equally.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Return an upper bound of the norm of A(z) (see `pidalab.simulation.exact`), for the ages that n times span."""
+    """Return an upper bound of the norm of A(z) for all ages within n requested times (see `simulation.exact`)."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
@@ -132,8 +132,8 @@ def _responses(cut, step, n, intervals, norm):
       index of the next requested time.
     * `terms` holds all derivatives that a stack of `deepest` ages at multiple k reads.
     * The first requested time of an interval is (count + share) * delta after multiple k, with an integer `count`. A
-      Taylor series advances the stack by share * delta. The powers that the binary digits of `count` select then
-      advance it by count * delta.
+      Taylor series advances the stack by share * delta. Then one power for each binary digit 1 of `count` advances the
+      stack, in all by count * delta.
     * Each stack has only the ages that its own outputs and the later stacks of the interval need.
 
     A run is a group of successive requested times whose outputs are computed at once, as one product of a stack and
@@ -200,8 +200,8 @@ def _responses(cut, step, n, intervals, norm):
                 reached = row[place + size : min(row.size, place + size + across.shape[1])]
                 add_rows(reached, row[place : place + size], across, 0, 0)
 
-    # All times of an interval form one run if this run has at most 1.5 times the usual length, because a single run
-    # needs no second stack.
+    # If an interval has at most 1.5 times the usual number of times of a run, one run covers it, and no second stack is
+    # needed.
     run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**run_bits else 2**run_bits
     rows = output_rows(cut.C, cut.direct, Cv, D, cut.settled_u, most, run, powers, -low)
     outputs = rows.shape[1] // run
@@ -273,9 +273,10 @@ def _responses(cut, step, n, intervals, norm):
                     if outputs > 3 and distance + step * (begin + m - first) > cut.settling:
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
-                    # At a multiple of the dead time, an arriving jump has not yet acted on the fast filters that are
-                    # kept out of the process (see `realisation`). So the settled value of u is used. The sum includes
-                    # all states that the outputs read, except the state at t = 0, which is the jump itself.
+                    # A jump that arrives at a multiple of the dead time has not yet passed the fast filters, which are
+                    # not a part of the simulated process (see `realisation`). So the settled value of u is used. The
+                    # sum includes all states that the outputs read, except the state at t = 0, which is the jump
+                    # itself.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size

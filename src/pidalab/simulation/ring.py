@@ -1,10 +1,10 @@
 r"""Compute exponentials of the block Toeplitz matrix of a loop with dead time (see `pidalab.simulation.exact`).
 
 An element of the ring is a power series in z whose coefficients are matrices :math:`\Phi_k`. The coefficient
-:math:`\Phi_k` multiplies the state k dead times ago, which has the *age* k. The *reach* of an element is the number of
-its coefficients. An element is stored as an array of shape (order, reach * order), with the transposed coefficients
-:math:`\Phi_k^T` side by side. States are rows, and are multiplied by elements from the right. All elements commute,
-because each is a function of the same matrix A(z).
+:math:`\Phi_k` multiplies the state of k dead times ago. The *age* of this state and of its coefficient is k. The
+*reach* of an element is the number of its coefficients. An element is stored as an array of shape (order, reach *
+order), with the transposed coefficients :math:`\Phi_k^T` side by side. States are rows, and are multiplied by elements
+from the right. All elements commute, because each is a function of the same matrix A(z).
 
 Notes
 -----
@@ -213,8 +213,8 @@ def _width(first, second, most):
 
     No number in the product of two coefficients exceeds order * a * b, where a and b are the largest numbers of the
     two. The sum of such bounds is a bound for a coefficient of the result. This bound is compared with `DROPPED` times
-    the first coefficient of the result, the only coefficient that is computed here. Since the first coefficient does
-    not exceed the largest, nothing is lost that `shortened` would keep.
+    the first coefficient of the result, the only coefficient that is computed here. The first coefficient is at most as
+    large as the largest. So `shortened` would drop every column that is left out here.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)

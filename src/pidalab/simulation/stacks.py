@@ -10,7 +10,7 @@ from pidalab.simulation.ring import DROPPED, add_product, add_rows, column_sizes
 
 @compiled
 def advanced(stack, order, power, keep):
-    """Advance a stack by the time step of a power, and keep only the states of the `keep` youngest ages."""
+    """Advance a stack by the time that belongs to `power`, and keep only the states of the `keep` youngest ages."""
     ages, reach = stack.size // order, power.shape[1] // order
     after = np.zeros(keep * order)
     before = stack.size - after.size
@@ -68,7 +68,7 @@ def _read_ages(size):
 
 @compiled
 def _longest(size, ages, power, order, most):
-    """Bound the number of ages that the outputs read after `rows` is multiplied by a power.
+    """Bound the number of ages that the outputs read after `rows` (of `output_rows`) is multiplied by a power.
 
     The product is not computed, but none of its elements exceeds order * a * b, where a and b are the largest elements
     of the two factors.
@@ -93,11 +93,9 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
     Its shape is (size of the stack, run * outputs).
 
-    Notes
-    -----
-    The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns are complete.
-    The pass multiplies them by the next power, which gives the columns of as many later times. The pass then drops the
-    ages that no output reads.
+    Notes ----- The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns
+    are complete. The pass multiplies them by the next power, which gives `have` further columns, for later times. The
+    pass then drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -222,7 +220,9 @@ def summed(terms, start, end, share):
 
 @compiled
 def ages_needed(read, powers, order, base, most):
-    """Return the number of ages that a stack needs for the outputs up to 0, 1, ..., `most` runs later.
+    """Return the number of ages that a stack needs, as an array for 0, 1, ..., `most` runs.
+
+    Element n is enough for the outputs now and up to n runs later.
 
     The binary digits of the number of runs select the powers that advance the stack. Each power adds its reach minus 1
     to the ages that the outputs read.
@@ -231,7 +231,7 @@ def ages_needed(read, powers, order, base, most):
     for runs in range(1, most + 1):
         ages, p, digits = read, base, runs
         while digits > 0:
-            # Powers above the stored powers are selected only without dead time, where one age is enough.
+            # A power that is not stored is selected only if there is no dead time. One age is then enough.
             if digits % 2 == 1 and p < len(powers):
                 ages += powers[p].shape[1] // order - 1
             digits //= 2

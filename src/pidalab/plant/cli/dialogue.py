@@ -51,7 +51,7 @@ def main() -> None:
     From a record, a delimited text file with an open-loop step:
       pidalab report step.csv --sample-time 0.2                compare PI, PID and PIDA
       pidalab tune step.csv --sample-time 0.2 --out folder     tune one of them and write its code
-      pidalab check log.csv --kp 0.6 --ti 12                   judge running gains
+      pidalab check log.csv --kp 0.6 --ti 12                   judge the gains of a loop
     For a known plant:
       pidalab compare --num 1 --den 1,3,3,1 --delay 1          apply every rule to it
       pidalab simulate --den 1,3,3,1 --kp 2 --ti 3 --until 30  simulate one loop
@@ -110,8 +110,8 @@ def column(ctx: click.Context, param: click.Parameter, value: str | None) -> str
     return int(value) if value is not None and value.isdecimal() else value
 
 
-ms = click.option("--ms", default=1.6, help="Largest maximum sensitivity.")
-ms_worst = click.option("--ms-worst", default=2.0, help="Largest Ms with any plant of the spread.")
+ms = click.option("--ms", default=1.6, help="Upper limit of the maximum sensitivity Ms.")
+ms_worst = click.option("--ms-worst", default=2.0, help="Upper limit of Ms with all plants of the fit.")
 limits = add_options(
     click.option("--u-min", default=-math.inf, help="Lower limit of u."),
     click.option("--u-max", default=math.inf, help="Upper limit of u."),
@@ -133,7 +133,7 @@ times = add_options(
     click.option("--td", default=0.0, help="Derivative time."),
     click.option("--ta", default=0.0, help="Acceleration time squared."),
     click.option("--n", default=10.0, help="The derivative's filter is td/n."),
-    click.option("--m", default=10.0, help="The acceleration's filter is ta/m, twice."),
+    click.option("--m", default=10.0, help="The acceleration's filter is two lags of ta/m."),
 )
 force = click.option("--force", is_flag=True, help="Replace files that have other contents.")
 out = add_options(

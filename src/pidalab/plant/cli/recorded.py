@@ -33,11 +33,11 @@ record = dialogue.add_options(
     click.option("--skip", default=0, help="Lines to leave out at the beginning."),
     click.option("--u-before", type=float, help="u before the step, if the record begins with the step."),
     click.option("--outliers", type=click.Choice(["drop", "keep"]), help="Treatment of outlying outputs."),
-    click.option("--run", type=int, help="Number of the run, from 1, if the time restarts."),
+    click.option("--run", type=int, help="Run to read (1 is the first), if the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
 design = dialogue.add_options(
-    click.option("--rule", default="optimal", help="The optimum, or a rule of 'pidalab rules' by name."),
+    click.option("--rule", default="optimal", help="'optimal', or a name that 'pidalab rules' lists."),
     dialogue.ms,
     dialogue.ms_worst,
     click.option("--noise-gain", type=float, help="Largest noise gain; default: from the record."),
@@ -63,7 +63,7 @@ code = dialogue.add_options(
 @click.option("--out", type=dialogue.OUT_FILE, help="HTML file to write.")
 @dialogue.force
 def report_command(out: Path | None, force: bool, **options: Any) -> None:
-    """Tune a PI, a PID and a PIDA for the plant of a RECORD with the same limits, and compare them.
+    """Compare a PI, a PID and a PIDA, tuned with the same limits for the plant of a RECORD.
 
     \b
     Example:
@@ -184,7 +184,7 @@ def fit_record(options: dict[str, Any]) -> pidalab.identification.Fit:
 
 
 def read_record(options: dict[str, Any]) -> pidalab.Record:
-    """Read the record that the options describe, and check that the limits of u contain its input."""
+    """Read the record that the options describe, and check that its u lies within the limits of u."""
     with dialogue.progress("reading"):
         record = pidalab.Record.read_csv(options["record"], **{name: options[name] for name in READING})
     low, high = options.get("u_min", -math.inf), options.get("u_max", math.inf)

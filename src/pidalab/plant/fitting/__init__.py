@@ -31,8 +31,8 @@ MODELS = (*FIRST_TRIED, *THEN, "auto")
 SURPLUS = 1.1  # further models are tried if residuals / noise is above this
 WORKING_POINT = 0.15  # relative change of the gain away from the working point of the record
 HIGHER = 0.75  # share of the plants whose gain is raised
-# A record is refused if (residuals of the best identifiable model) / (`FitResult.near` of the best model) is above
-# this.
+# A record is refused if the residuals of the best identifiable model exceed UNSETTLED times `near` of the best model.
+# `near` is the limit of the residuals up to which another model counts as equally good.
 UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
@@ -89,11 +89,11 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return random plants that the record does not rule out.
 
-        The parameters are drawn from their joint uncertainty around several models: the fitted model, and models with
-        a further lag, which in a record resembles a short dead time. Of twelve lags, those that raise the residuals by
-        at most 3 % are kept. Of these lags, the median and the longest are used. If the fitted model has
-        equal lags, "sopdt" models with further lags are used too. Around each model, the least likely 5 % of the plants
-        are left out.
+        The parameters are drawn from their joint uncertainty around several models: the fitted model, and models with a
+        further lag, which in a record resembles a short dead time. Twelve lengths of this lag are tried. Of those that
+        raise the residuals by at most 3 %, the median and the longest are used. If the fitted model has equal lags,
+        "sopdt" models with further lags are used too. Around each model, the least likely 5 % of the plants are left
+        out.
 
         A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
         by a random part of the interval between the samples before and after a change. (An input that changes more than
@@ -315,8 +315,8 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz"}, optional
         "fopdt" has one lag, "sopdt" two poles with damping, "lags" up to eight equal lags, "ipdt" an integrator,
         "ifopdt" an integrator with a lag, "sopdtz" two poles with a zero. Every model has a dead time. "auto" chooses
-        the simplest identifiable model whose residuals are at most 3 % above those of the best model. It tries "ifopdt"
-        and "sopdtz" only if no load is fitted, and the best of the other models is not identifiable or has residuals
+        the simplest identifiable model whose residuals are at most 3 % above those of the best model. Without `load`,
+        it also tries "ifopdt" and "sopdtz" if the best of the other models is not identifiable, or if its residuals are
         above 1.1 times the noise.
     load : bool, optional
         If true, also fit size and time of a step of the load. This allows records of a loop at a constant set point.
@@ -367,7 +367,8 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     if not tried:
         raise ValueError(f"{failed}; make a larger step of the input, from rest")
     first = min(tried, key=lambda candidate: candidate.cost)
-    # The best of many models and times of the load explains some noise by chance. Require a clear explanation.
+    # Many models and times of the load are tried, so the best combination explains some noise by chance. Require a
+    # clear explanation.
     if load and unexplained(data, first):
         raise ValueError(DRIFTS)
     settled = [candidate for candidate in tried if not unsettled(data, candidate)]
