@@ -32,7 +32,7 @@ LOG = logging.getLogger("pidalab")
 PACKAGE = Path(__file__).parent
 KERNELS = PACKAGE / "simulation"  # folder of all kernels
 LARGE = 50_000  # a call waits for compiled code if its arguments contain more numbers than this
-PLAIN_SECONDS = 1.0  # a process looks for compiled code after this time in plain forms
+PLAIN_SECONDS = 1.0  # time in plain forms before each search for compiled code
 # Time before a second attempt to compile. Each later wait is four times as long as the previous one.
 RETRY_SECONDS = 600.0
 MOST_ATTEMPTS = 6
