@@ -71,7 +71,7 @@ class Setting(NamedTuple):
 
 
 def multiple_pole(m: int) -> Setting:
-    """Return the setting of PI, PID or PIDA that gives the loop without filter m + 3 equal poles, eqs. (14)-(19).
+    """Return the setting of PI, PID or PIDA with which the loop without filter has m + 3 equal poles, eqs. (14)-(19).
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Parameters
     ----------
     ratio : float, optional
-        Time constant of the double zero, divided by `TAU_2` = 0.2322, above 0. 1 gives PIDA_1, 1.5 gives PIDA_2. The
-        paper's Fig. 2 shows ``ratio * TAU_2`` from 0.16 to 0.42.
+        Time constant of the double zero, divided by `TAU_2` = 0.2322, above 0. The value 1 gives PIDA_1, and 1.5 gives
+        PIDA_2. The paper's Fig. 2 shows ``ratio * TAU_2`` from 0.16 to 0.42.
 
     Returns
     -------

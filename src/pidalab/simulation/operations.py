@@ -32,7 +32,7 @@ OPERATION_CODES: dict[type, int] = {
     ast.And: MULTIPLY,
     ast.Or: ADD,  # the operands of "or" in a program are never both true
 }
-FOR_OTHERS = ("at_limit",)  # outputs that no later step reads
+FOR_OTHERS = ("at_limit",)  # outputs for the caller, which the controller never reads
 PARSING = threading.Lock()  # Python 3.11 counts the nesting of syntax trees in one counter for all threads
 
 
@@ -45,7 +45,7 @@ class Operations(NamedTuple):
 
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:
-    """Compile the statements of a program whose controller has started, for automatic mode and valid samples."""
+    """Compile a program for a controller that has started, is in automatic mode and gets valid samples."""
     values = {
         **dict.fromkeys(SIGNALS, 0.0),
         **program.constants,
@@ -103,8 +103,8 @@ class _Compiler:
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # Let the last operation write to the target directly, except if it also reads the target.
-            # In that case parallel loops would not be independent.
+            # Let the last operation write to the target directly, except if it also reads the target. If it did both,
+            # parallel loops would depend on each other.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])
