@@ -18,7 +18,7 @@ from paperledger.verdicts import DECLARED, LedgerError
 
 
 def pages(paper: str, folder: Path) -> list[Path]:
-    """Find the notebooks that open the ledger of a paper, chapters before audits."""
+    """Find the notebooks that open the ledger of a paper. Chapters come first, then audits."""
     opened = re.compile(rf"Ledger\.open\(\s*['\"]{re.escape(paper)}['\"]")
     notebooks = [path for path in folder.parent.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts]
     paths = [path for path in notebooks if opened.search("\n".join(cells(path)))]
@@ -65,7 +65,7 @@ class Update(NamedTuple):
     changes : list of str
         A line for each entry that changed, with its old and new value.
     problems : list of str
-        Tasks for a person, such as verdicts to declare and ids that no page passed.
+        Tasks for a person, such as verdicts to declare and ids for which no page gave a value.
 
     Examples
     --------
@@ -81,8 +81,8 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     """Run the pages of a paper, and store their results and verdicts.
 
     Stored values that still agree are kept, so a run on another machine changes nothing. Everything that a person wrote
-    is also kept: order, basis, relations, notes and declared verdicts. A row whose numbers disagree keeps its
-    declared verdict, or has none.
+    is also kept: order, basis, relations, notes and declared verdicts. If the numbers of a row disagree, the row keeps
+    its declared verdict. Without a declared verdict, it has none.
 
     Parameters
     ----------

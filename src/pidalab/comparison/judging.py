@@ -45,8 +45,8 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        `ms_worst` is the largest Ms on the other plants with which the design is tested (Ms of the digital loop if
-        there is one). `iae_worst` is the IAE with the plant of `ms_worst`.
+        `ms_worst` is the largest Ms on the other plants with which the design is tested. For a digital controller, it
+        is the Ms of the sampled loop. `iae_worst` is the IAE with the plant of `ms_worst`.
     price : float
         IAE, divided by the IAE of a design for which `ms_worst` is not limited.
     ms_sampled : float
@@ -108,7 +108,7 @@ def measure_row(
     sample_time : float or None
         Sample time of the noise. If it is None, the noise gain is not computed.
     horizon : float
-        End of the first simulated response.
+        End of the first simulation.
 
     Returns
     -------

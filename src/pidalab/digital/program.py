@@ -127,8 +127,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    With `block`, a filter outside the program computes `summed` from the error. The result is cached and shared, so do
-    not change it.
+    If `block` is true, a filter outside the program computes `summed` from the error. The result is cached and shared,
+    so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}
@@ -264,7 +264,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(named)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
-        # The integral adds the error of this sample in the next sample. Therefore this error is clamped too.
+        # The error of this sample enters the integral in the next sample. Therefore this error is clamped too.
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 

@@ -74,7 +74,7 @@ def turned(f: Any) -> float:
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Return w and the frequencies up to `end` at which a dead time turns the phase by given angles, sorted."""
+    """Add to w the frequencies up to `end` at which a dead time turns the phase by given angles, and sort."""
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -424,8 +424,8 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-# The unit of time is 1/w_u. At the frequency w_u the phase of the process falls to CORNER or, with several integrators,
-# to INTEGRATORS_TURN below the phase of the integrators.
+# The unit of time is 1/w_u. At the frequency w_u the phase of the process falls to CORNER. With several integrators, it
+# is INTEGRATORS_TURN below the phase of the integrators there.
 CORNER = -0.75 * math.pi
 INTEGRATORS_TURN = 0.25 * math.pi
 # A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the result of `_loudest`.

@@ -88,7 +88,7 @@ def simulate_sampled(
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
-        or an integral uses the limited signal before rounding, because it would stick with the rounded signal.
+        or an integral uses the limited signal before rounding. With the rounded signal it could get stuck.
     pulse_widths : int, optional
         Number of widths of pulse width modulation. In each sample the actuator is at the upper limit during the pulse,
         and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``, chosen so that the

@@ -13,8 +13,8 @@ from pidalab.plant.record.cleaning import FEWEST, FOLLOWER, MANY_LEVELS, MOVING
 
 BLIND = 1e7  # largest condition number of the scaled sensitivities of an identifiable model
 SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this number of standard uncertainties
-# A model must explain this share of the output's variance. With less, the noise may hide a response of
-# opposite sign.
+# A model must explain this share of the output's variance. If a model explains less, the noise may hide a response of
+# the opposite sign.
 EXPLAINED = 0.5
 FED_BACK = 0.3  # feedback is assumed if `_agreement` of the changes of u and y is at least this
 COLOURED = 1.5  # if `samples_per_error` is above this, the residuals are not white noise
