@@ -91,7 +91,7 @@ class Fit:
 
         The parameters are drawn from their joint uncertainty around several models: the fitted model, and models with a
         further lag, which in a record resembles a short dead time. Twelve lengths of this lag are tried. Of those that
-        raise the residuals by at most 3 %, the median and the longest are used. If the fitted model has equal lags,
+        increase the residuals by at most 3 %, the median and the longest are used. If the fitted model has equal lags,
         "sopdt" models with further lags are used too. Around each model, the least likely 5 % of the plants are left
         out.
 
