@@ -19,11 +19,11 @@ Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
 SETTLED_SHARE = 1e-6  # in the last tenth of a settled record, |e| is at most this share of its maximum
 BLOCK = 8192  # sample intervals whose integrals are computed together
-FEWEST_JUDGED = 20  # fewer samples are not tested for divergence or resolution
+FEWEST_JUDGED = 20  # a shorter record is not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
 INTEGRALS = ("iae", "ise", "itae")
 SAME_SHARE = 2e-4  # a measure is the same on two grids if it differs by less than this share
-DOUBT_SHARE = 1e-3  # a measure warns if its estimated relative error is larger
+DOUBT_SHARE = 1e-3  # a measure with a larger estimated relative error warns
 
 
 @dataclass(frozen=True, eq=False)
