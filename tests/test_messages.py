@@ -407,7 +407,7 @@ MESSAGES = {
             filtered(prefilter=control.tf([1.0], np.polymul([0.03, 1.0], [0.5, 1.0])), method="tustin"),
             r"sample_time must be at most 0\.06 with method='tustin', found",
         ),
-        (partial(digital.discretise, [1.0], 0.1), r"parts must be those of controller\.parts\(\), found \[1\.0\]"),
+        (partial(digital.discretise, [1.0], 0.1), r"parts must be the result of controller\.parts\(\), found \[1\.0\]"),
         (partial(digital_pi.step, 1.0, True), "y must be a real number"),
         (partial(digital_pi.reset, r=1.0), "r and y must be given together"),
     ],

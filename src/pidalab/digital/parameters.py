@@ -26,7 +26,7 @@ SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 b
 class Parameters:
     """Fields of a `DigitalController`, which documents them.
 
-    Every field is checked, so that only checked numbers and text reach code that is written or run.
+    Every field is checked before it reaches code that is written or run.
     """
 
     sample_time: float
