@@ -338,7 +338,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def find_folder(folder: Path | str | None = None) -> Path:
-    """Return the folder of ledgers, by default ``book/ledger`` in the current directory or in the nearest parent with it."""
+    """Find the folder of ledgers, by default ``book/ledger`` in this directory or the nearest parent that has it."""
     if folder is not None:
         return Path(folder)
     here = Path.cwd()
