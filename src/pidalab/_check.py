@@ -162,7 +162,7 @@ def proper(what: str, num: Array, den: Array) -> None:
         raise ValueError(f"{what}: den must not be the zero polynomial")
     if len(num) > len(den):
         raise ValueError(
-            f"{what} must be proper, found degrees {len(num) - 1} (num) and {len(den) - 1} (den); "
+            f"{what} must be proper, found degrees {len(num) - 1} of num and {len(den) - 1} of den; "
             f"add a filter of order {len(num) - len(den)} or more"
         )
 
