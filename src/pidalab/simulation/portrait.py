@@ -47,7 +47,7 @@ class Bank(NamedTuple):
     def of(
         loop: Loop, parameters: Mapping[str, ArrayLike], prefilter: tuple[Any, Any] | None, h: float
     ) -> Bank:
-        """Collect the parameters of all sets, and check that they can run with sample time h."""
+        """Collect the parameters of all sets, and check them for the sample time h."""
         require_loop(loop)
         base = loop.controller
         if not isinstance(base, SeriesPIDA) or loop.output_filter is not None:
@@ -90,7 +90,7 @@ class Bank(NamedTuple):
     def measures(
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
-        """Simulate the sets and return (measures, sets). The number of sets must be a multiple of `LANES`."""
+        """Simulate the sets. Return shape (measures, sets). The number of sets must be a multiple of `LANES`."""
         groups = [sampled_lanes.run(bank, plant, h, r, d, n) for bank in controllers(self, limits, h)]
         return np.concatenate(groups, axis=1)
 
@@ -292,7 +292,8 @@ def portrait(
 
     Examples
     --------
-    Vary acceleration gain and reset time near those of huba2024, eq. (25). The actuator can just compensate the load:
+    Vary acceleration gain and reset time near the values of huba2024, eq. (25). The actuator can just compensate the
+    load:
 
     >>> import numpy as np, pidalab
     >>> pda = pidalab.SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
@@ -343,7 +344,7 @@ def _state_of_rest(
 
 
 def _portrait(raw: Array, rest: tuple[Array, Array]) -> Portrait:
-    """Add the excess over one pulse, which follows from the final values, and mark the sets that diverged."""
+    """Add `tv1_y` and `tv1_u`, which need the final values, and mark the sets that diverged."""
     diverged = ~np.isfinite(raw).all(axis=0)
     values = dict(zip(MEASURES, raw, strict=True))
     with np.errstate(all="ignore"):
