@@ -228,7 +228,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            As in `compare`. Also if a side has the wrong type, such as a float where the relation is ``==``.
+            As in `compare`, or if a side has the wrong type, such as a float with ``==``.
 
         Examples
         --------
@@ -358,7 +358,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            With all ids that were not passed and all errors, including errors that the page suppressed.
+            With all ids that were not passed, and all errors.
 
         Examples
         --------
@@ -388,7 +388,7 @@ class Ledger:
         """
         gone, start = removed(self.path.parent), f"{self.paper}."
         lines = [f"{id}: does not start with {start}" for id in self.rows if not id.startswith(start)]
-        lines += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in gone]
+        lines += [f"{id}: was removed; use an id that was never used" for id in self.rows if id in gone]
         return lines + [problem for row in self.rows.values() for problem in row.problems()]
 
     def scorebar(self) -> Display:

@@ -20,7 +20,7 @@ def _title(book: Ledger) -> str:
 
 
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
-    """Return the total score, the score of each paper, and the lines of a table of them: kind, words, counts.
+    """Return the scores (total and each paper) and the lines of a table of these scores: kind, words, counts.
 
     A line with an empty kind is the sum of the lines that follow. The total is the first column, for narrow screens.
     """

@@ -38,7 +38,7 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return whether settings were fitted, and why the value may not change with the library.
+    """Read the column ``made``: whether settings were fitted, and why the value need not change with the library.
 
     The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or
     a point of a grid), or empty.
@@ -49,7 +49,7 @@ def making(text: str) -> tuple[bool, str]:
     match = _MADE.fullmatch(text)
     if not match:
         raise LedgerError(
-            f"made {text!r} is none of 'page: …', 'count: …', 'fit: 3 settings from 7 numbers: …'"
+            f"'made' must be 'page: …', 'count: …' or 'fit: 3 settings from 7 numbers: …', found {text!r}"
         )
     return match[1] is not None, match[2] or ""
 
@@ -78,7 +78,7 @@ class Row:
     page : str, optional
         The notebook that computes the value, as in `Ledger.open`. Empty if the row is decided by reading the paper.
     made : str, optional
-        Which settings were fitted to printed numbers, and why the value may not change with the library.
+        Which settings were fitted to printed numbers, and why the value need not change with the library.
     relation : str, optional
         The `Relation` that a statement asserts.
     evidence : str, optional
@@ -338,7 +338,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def find_folder(folder: Path | str | None = None) -> Path:
-    """Find the folder of ledgers, by default ``book/ledger`` in this directory or the nearest parent that has it."""
+    """Find the folder of ledgers, by default the nearest ``book/ledger`` from the current directory upward."""
     if folder is not None:
         return Path(folder)
     here = Path.cwd()

@@ -320,7 +320,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
 
 
 def distance(old: Row, new: Row) -> float:
-    """Return the relative change of a number. For a statement, return the largest of both sides of its inequalities.
+    """Return the relative change of a number. For a statement, return the largest change of a side of its inequalities.
 
     >>> one = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
@@ -348,7 +348,7 @@ def _apart(old: str, new: str) -> float:
 
 
 def _rounded(old: Row, new: Row) -> bool:
-    """Return True if a number changed but ends in zeros before and after the change, because the page rounds it."""
+    """Return True if a number changed and ends in zeros before and after the change, so the page rounds it."""
     return any(
         _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a
         for a, b in zip(_numbers(old), _numbers(new), strict=False)
@@ -356,7 +356,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if the computed value of a row is its own printed number, as this run has changed it."""
+    """Return True if the computed value of a row is its printed number with the small change of this run."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -377,7 +377,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     row : Row
         The stored row.
     new : Row
-        The same row from a run with changed printed numbers. The library was changed, too, if not `only_prints`.
+        The same row from a run with changed printed numbers. The library was also changed, unless `only_prints`.
     shaker : Shaker
         Shaker of that run.
 

@@ -429,13 +429,12 @@ class Relation:
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
-            # Round the distance. Otherwise rounding errors would decide which of two equally distant cases is the
-            # worst.
+            # Round, so that rounding errors do not decide which of two equally distant cases is the worst.
             bounds.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
         return min(bounds, key=lambda pair: pair[0])
 
     def _residual(self, residuals: list[float]) -> "Evidence":
-        """Return the evidence of the largest residual: its decade, or all its digits if they exceed the tolerance."""
+        """Return the evidence of the largest residual: its decade, or all digits if it is above the tolerance."""
         largest, tolerance = max(map(abs, residuals)), float(self.right)
         if not isfinite(largest):
             raise LedgerError(f"a residual must be finite, found {largest}")

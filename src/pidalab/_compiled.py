@@ -2,9 +2,8 @@
 
 Importing numba takes longer than a short computation, and compiling takes up to a minute. A process therefore starts
 with the plain forms, whose results differ from compiled ones only by rounding. After a second in plain forms, the
-process looks for stored code of all kernels and switches to it. If there is none, another process compiles in the
-background.
-A call with large arguments waits for compiled code. Without numba every call uses the plain form.
+process switches to compiled code if code of all kernels is stored. Otherwise another process compiles in the
+background. A call with large arguments waits for compiled code. Without numba every call uses the plain form.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. With ``PIDALAB_COMPILE=0``, or numba's
 own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set.

@@ -28,8 +28,8 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
-LINE_POINTS = 4000  # largest number of points of a line, of which a vector file stores the visible ones
-NOISY_POINTS = 400  # largest number of points of a noisy line, of which nearly all are visible
+LINE_POINTS = 4000  # largest number of points of a line
+NOISY_POINTS = 400  # largest number of points of a noisy line, since a vector file stores nearly all of them
 
 
 def use_book_style() -> None:

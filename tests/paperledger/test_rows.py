@@ -27,9 +27,9 @@ REASON = "a reason of five words"
         (KP, {"basis": "guess"}, "unknown basis 'guess'; one of computed, fitted, from-print, reading"),
         (KP, {"basis": "fitted"}, "if the basis is fitted"),
         (KP, {"made": "fit: 1 setting from 4 numbers: T_F, from Table 1"}, "if the basis is fitted"),
-        (KP, {"made": "by hand"}, "made 'by hand'"),
-        (KP, {"made": "fit: 0 settings from 4 numbers: T_F"}, "made 'fit: 0"),
-        (KP, {"made": "fit: T_F"}, "made 'fit: T_F'"),
+        (KP, {"made": "by hand"}, "found 'by hand'"),
+        (KP, {"made": "fit: 0 settings from 4 numbers: T_F"}, "found 'fit: 0"),
+        (KP, {"made": "fit: T_F"}, "found 'fit: T_F'"),
         (KP, {"basis": "reading"}, "the basis is reading, but 'computed' is not empty"),
         (
             KP,
