@@ -486,8 +486,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. It is doubled until it exceeds twice the dead time, and then until the
-        error has decayed.
+        Duration to begin with, above 0. The duration is doubled until it exceeds twice the dead time, and then until
+        the control error has decayed.
 
     Returns
     -------
@@ -497,8 +497,8 @@ def simulate_until_settled(
     Raises
     ------
     ValueError
-        If the horizon is not above 0, if the response does not settle within 8192 horizons, or if this takes too many
-        dead times.
+        If the horizon is not above 0, if the response does not settle within 8192 horizons, or if settling takes too
+        many dead times.
 
     Examples
     --------

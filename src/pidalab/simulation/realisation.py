@@ -297,7 +297,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # The quasi-steady effect on the process is the transfer function of the fast parts at the process matrix.
+        # The quasi-steady effect on the process is the fast parts' transfer function, evaluated at the process matrix.
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
@@ -386,7 +386,7 @@ def _poles(loop: _Blocks, block: str) -> Array:
 
 
 def _value(polynomial: Array, s: complex) -> Any:
-    """Return the value of a polynomial. For a single s, plain Python is faster than array operations."""
+    """Return the value of a polynomial."""
     value = 0j
     for coefficient in polynomial.tolist():
         value = value * s + coefficient

@@ -109,7 +109,7 @@ def simulate_sampled(
         * Times are not uniform from 0, or signals have another length or contain NaN.
         * Limits are out of order or do not contain 0, or quanta are negative.
         * The plant has direct feedthrough without dead time, or an unstable loop overflows.
-        * A filter in or after a continuous controller is faster than the sample time.
+        * A filter in or after a continuous controller has a time constant below the sample time.
         * A digital controller has another sample time.
         * Anti-windup is requested for a controller without integral action or with a reset.
         * Conditioning is requested with kp/ki below the sample time, which makes the integral unstable.
