@@ -18,10 +18,10 @@ REASON = "a reason of five words"
         (KP, {"id": "other.kp"}, "does not start with demo."),
         (KP, {"printed": "12 %"}, "'12 %' is not a plain number"),
         (KP, {"computed": "holds"}, "'holds' is not a plain number"),
-        (KP, {"verdict": "good"}, "file is good, but .* gives reproduced"),
-        (KP, {"verdict": "approximate"}, "is approximate, but .* gives reproduced"),  # without a tolerance
+        (KP, {"verdict": "good"}, "has the verdict good, but .* gives reproduced"),
+        (KP, {"verdict": "approximate"}, "approximate, but .* gives reproduced"),  # without a tolerance
         (KP, {"note": "tolerance 6 %"}, "the tolerance .* is wider than 5 % of 1.31"),
-        (KP, {"note": "tolerance 1 %"}, "file is reproduced, but .* gives approximate"),
+        (KP, {"note": "tolerance 1 %"}, "has the verdict reproduced, but .* gives approximate"),
         (KP, {"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
         (KP, {"evidence": "1 < 2"}, "the row has a number, but 'evidence' is not empty"),
         (KP, {"basis": "guess"}, "unknown basis 'guess'; one of computed, fitted, from-print, reading"),
@@ -48,7 +48,7 @@ REASON = "a reason of five words"
             {"relation": "A <= B", "evidence": "1.400 <= 1.400"},
             "both sides are 1.400, so nothing was compared",
         ),
-        (S1, {"verdict": "fails"}, "file is fails, but 3.1.* gives holds"),
+        (S1, {"verdict": "fails"}, "has the verdict fails, but 3.1.* gives holds"),
         (S1, {"verdict": "misprint", "note": REASON}, "misprint is declared, but .* gives"),
         (S1, {"evidence": "so it is"}, "is no inequality such as"),
     ],
