@@ -169,11 +169,11 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
     Notes
     -----
     The size at a time is the largest value of the signal from t = 0 to one dead time after this time. So a growing
-    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros.
-    Compared with a kick of 1e13, every later difference would be negligible. So differences outside kicks are also
-    compared with the largest value outside kicks, with a larger tolerance. A kick of the fastest state begins at each
-    multiple of the dead time. After `KICK_UNRESOLVED` time constants of this state, values during its kicks are not
-    compared, because rounding of the time alone changes them.
+    response must be exact from the start, but zeros at the start of a response need not be exact. Compared with a kick
+    of 1e13, every later difference would be negligible. So differences outside kicks are also compared with the largest
+    value outside kicks, with a larger tolerance. A kick of the fastest state begins at each multiple of the dead time.
+    After `KICK_UNRESOLVED` time constants of this state, values during its kicks are not compared, because rounding of
+    the time alone changes them.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)

@@ -64,7 +64,7 @@ def simulate_sampled(
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). Here the filter :math:`Q_n` acts on the
     difference of prefiltered set point and measurement. The paper does not say if :math:`Q_n` filters the set point,
     too. To undo the effect of :math:`Q_n` on the set point, use a prefilter with :math:`(T_f s + 1)^n` in its numerator
-    and a fast lag that keeps it proper.
+    and enough fast lags in its denominator to be proper.
 
     Parameters
     ----------
