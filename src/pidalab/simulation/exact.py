@@ -169,11 +169,11 @@ def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
     Notes
     -----
     The size at a time is the largest value of the signal from t = 0 to one dead time after this time. So a growing
-    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros.
-    Compared with a kick of 1e13, every later difference would be negligible. So differences outside kicks are also
-    compared with the largest value outside kicks, with a larger tolerance. A kick of the fastest state begins at each
-    multiple of the dead time. After `KICK_UNRESOLVED` time constants of this state, values during its kicks are not
-    compared, because rounding of the time alone changes them.
+    response must be exact from the start, but zeros at the start of a response need not be exact. Compared with a kick
+    of 1e13, every later difference would be negligible. So differences outside kicks are also compared with the largest
+    value outside kicks, with a larger tolerance. A kick of the fastest state begins at each multiple of the dead time.
+    After `KICK_UNRESOLVED` time constants of this state, values during its kicks are not compared, because rounding of
+    the time alone changes them.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -486,8 +486,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. It is doubled until it exceeds twice the dead time, and then until the
-        error has decayed.
+        Duration to begin with, above 0. The duration is doubled until it exceeds twice the dead time, and then until
+        the control error has decayed.
 
     Returns
     -------
@@ -497,8 +497,8 @@ def simulate_until_settled(
     Raises
     ------
     ValueError
-        If the horizon is not above 0, if the response does not settle within 8192 horizons, or if this takes too many
-        dead times.
+        If the horizon is not above 0, if the response does not settle within 8192 horizons, or if settling takes too
+        many dead times.
 
     Examples
     --------

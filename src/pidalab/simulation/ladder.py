@@ -4,7 +4,7 @@ The *age* of a state is the number of dead times by which it precedes the presen
 ages m - 1, ..., 1, 0. A *power* is E - I, where E is the matrix exponential of the loop over the time step * 2^p, and I
 is the unit matrix. Here `step` is the time between requested times, p is an integer, and ``powers[i]`` has p = low + i,
 where low is the smallest p. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the
-number of ages of states that the power reads.
+number of ages that the power reads.
 
 Notes
 -----
@@ -49,7 +49,7 @@ from pidalab.simulation.stacks import (
 
 MAX_STACK = 4000  # largest number of state variables in a stack
 MAX_WORK = 4e9  # largest number of multiplications, which take a few seconds
-MAX_ANCHORS = 1e7  # largest number of state variables at all multiples of the dead time together
+MAX_ANCHORS = 1e7  # largest total number of state variables at the multiples of the dead time
 LONGEST_RUN = 8  # usually at most 2**8 requested times are read from one stack
 # When a stack is advanced, one Taylor series replaces the SERIES lowest powers, because the series is faster. The terms
 # of the series are at most e^4 times the states, so that rounding costs less than two digits.
@@ -97,7 +97,7 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Return an upper bound of the norm of A(z) for all ages within n requested times (see `simulation.exact`)."""
+    """Return an upper bound of the norm of A(z), for all ages that n requested times span (see `simulation.exact`)."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):

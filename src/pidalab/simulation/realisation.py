@@ -116,11 +116,11 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
 # the largest u.
 FASTER, HIGH_GAIN = 10.0, 100.0
 # Consider the parts that are more than STIFF times as fast as the states that drive them. If all of these parts are
-# even more than VERY_STIFF times as fast, and their kicks change the process output by less than SENDS_LITTLE, they are
-# kept out of the process (see `_cut`), and all other parts count as slow. After a part that is kept out has settled, u
-# is read from the past and present states that drive the part, because the rounding of the part's own states grows with
-# the ratio of the speeds. This neglects the effect of the fast states on the process, which decreases with the square
-# of the ratio.
+# even more than VERY_STIFF times as fast, and their kicks change the process output by less than SENDS_LITTLE times the
+# control error, they are kept out of the process (see `_cut`), and all other parts count as slow. After a part that is
+# kept out has settled, u is read from the past and present states that drive the part, because the rounding of the
+# part's own states grows with the ratio of the speeds. This reading of u neglects the effect of the fast states on the
+# process, which decreases with the square of the ratio.
 STIFF = 100.0
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
@@ -297,7 +297,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # The quasi-steady effect on the process is the transfer function of the fast parts at the process matrix.
+        # The quasi-steady effect on the process is the fast parts' transfer function, evaluated at the process matrix.
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
@@ -386,7 +386,7 @@ def _poles(loop: _Blocks, block: str) -> Array:
 
 
 def _value(polynomial: Array, s: complex) -> Any:
-    """Return the value of a polynomial. For a single s, plain Python is faster than array operations."""
+    """Return the value of a polynomial."""
     value = 0j
     for coefficient in polynomial.tolist():
         value = value * s + coefficient

@@ -70,8 +70,7 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 def add_product(out, place, factors, column, count, rows, first):
     """Add factors[:, column : column + count] @ rows[first : first + count] to some columns of `out`.
 
-    `place` holds the index of the first of these columns of `out`, and their number. The sums are the same as in
-    `add_rows`.
+    `place` holds the first of these columns, and their number. The sums are the same as in `add_rows`.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -259,7 +258,7 @@ def ladder(A, B, Cv, D, norm, step, top, most):
     Notes
     -----
     `low` is the largest integer with low <= 0, low <= top and norm * step * 2^low <= 1/2, so that the Taylor series
-    converges fast. Each further power is the square of the preceding power. So `powers[i]` spans step * 2^(low + i).
+    converges fast. Each further power is the square of the preceding power.
     """
     powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:

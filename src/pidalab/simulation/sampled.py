@@ -64,7 +64,7 @@ def simulate_sampled(
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). Here the filter :math:`Q_n` acts on the
     difference of prefiltered set point and measurement. The paper does not say if :math:`Q_n` filters the set point,
     too. To undo the effect of :math:`Q_n` on the set point, use a prefilter with :math:`(T_f s + 1)^n` in its numerator
-    and a fast lag that keeps it proper.
+    and enough fast lags in its denominator to be proper.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def simulate_sampled(
         * Times are not uniform from 0, or signals have another length or contain NaN.
         * Limits are out of order or do not contain 0, or quanta are negative.
         * The plant has direct feedthrough without dead time, or an unstable loop overflows.
-        * A filter in or after a continuous controller is faster than the sample time.
+        * A filter in or after a continuous controller has a time constant below the sample time.
         * A digital controller has another sample time.
         * Anti-windup is requested for a controller without integral action or with a reset.
         * Conditioning is requested with kp/ki below the sample time, which makes the integral unstable.

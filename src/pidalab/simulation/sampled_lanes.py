@@ -167,7 +167,7 @@ def _integrate(
     start: float,
 ) -> None:
     """Add the integrals of the error over a sample, divided by h. The error is a parabola, as in `Response`."""
-    # The parabola passes through both ends of the interval and has the exact area. Compute its curvature and mean.
+    # Compute curvature and mean of the parabola that has the exact end values and the exact area.
     for i in range(LANES):
         curve[i] = 3.0 * (r - y_old[i] + r - y[i]) - 6.0 * (r - (area[i] - area_old[i]) / h)
     for i in range(LANES):

@@ -70,8 +70,8 @@ def _read_ages(size):
 def _longest(size, ages, power, order, most):
     """Bound the number of ages that the outputs read after `rows` (of `output_rows`) is multiplied by a power.
 
-    The product is not computed. Its coefficients are bounded by sums of terms order * a * b, where a and b are the
-    largest moduli in the multiplied coefficients.
+    The product is not computed. Instead its coefficients are bounded by sums of terms order * a * b, where a and b are
+    the largest moduli in two multiplied coefficients.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -222,9 +222,9 @@ def summed(terms, start, end, share):
 
 @compiled
 def ages_needed(read, powers, order, base, most):
-    """Return the numbers of ages that a stack needs, for n = 0, 1, ..., `most` further runs.
+    """Return the numbers of ages that a stack needs.
 
-    Element n is enough for the outputs of the present run and of the next n runs.
+    Element n (n = 0, 1, ..., `most`) is enough for the outputs of the present run and of the next n runs.
 
     The binary digits of the number of runs select the powers that advance the stack. Each power adds its reach minus 1
     to the ages that the outputs read.
