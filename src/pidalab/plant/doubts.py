@@ -50,14 +50,14 @@ DOUBTS = {
     "no limits": "{options} not given: the code does not know the limits of the actuator, and may wind up",
     # doubts about a relay experiment
     "relay phase": "the plant's phase at this period is {phase:.0f} degrees, not -180: the relay has hysteresis or a "
-    "bias; the gain applies at this period, and the true ultimate period differs from it",
+    "bias; the gain applies at this period, which is not the true ultimate period",
     # doubts about a check
     "log's sample time": "the controller is assumed to have the sample time of the log, {sample_time:.4g}",
     "unstable": "the loop with the model is unstable: the controller of the log must have had other gains or units",
     "other gains": "the given gains did not compute the log's u from its y: they explain {share:.0f} % of the movement "
     "of u between samples{better}",
     "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, through the feedback, "
-    "and pull the model towards -1/C: Ms may lie outside its interval; a larger change of the set point would help",
+    "and pull the model towards -1/(controller): Ms may lie outside its interval; a larger set-point change would help",
 }
 
 
