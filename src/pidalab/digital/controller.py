@@ -1,4 +1,4 @@
-"""The digital controller: its states, its step, its transfer function, and the methods that write its code."""
+"""The digital controller: states, step, transfer function, and written code."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def discretise(
         Filter of the set point, stable and of static gain 1. It also runs in manual mode, and starts at rest at the
         first set point.
     output_filter : OutputFilter or control.TransferFunction, optional
-        Filter of the control signal, which must consist of equal lags of gain 1. It becomes a part of the controller.
+        Equal lags of gain 1 that filter the control signal. They become a part of the controller.
     feedforward : bool, optional
         True if ``step`` and the written code have a further input. It is added to the control signal, which is then
         limited.

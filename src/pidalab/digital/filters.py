@@ -61,7 +61,7 @@ SERIES_TERMS = 60
 
 
 class FilterChain(NamedTuple):
-    """A chain of lags driven by ``weight * r - y``, with gains on its differences.
+    """A chain of lags driven by ``weight * r - y``, with gains on the differences between its states.
 
     Attributes
     ----------
