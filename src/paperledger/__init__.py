@@ -1,6 +1,7 @@
 """Compare the printed numbers and statements of papers with computed ones.
 
-A file ``book/ledger/<paper>.csv`` has a row for each claim. The pages of the paper compute results and pass them::
+A file ``book/ledger/<paper>.csv`` has a row for each claim. The notebooks about the paper compute results and pass them
+to the ledger::
 
     from paperledger import Ledger
 

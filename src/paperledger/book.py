@@ -245,7 +245,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # In a run that only records values, as in `shake`, a case may have another verdict.
+                # If values are only recorded, as in `shake`, the verdict of a case may differ from its declaration.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -254,7 +254,7 @@ class Ledger:
             raise
         if relation.is_identity and kept.verdict == "holds":  # the residual depends on the machine
             return f"holds: largest residual ≤ {relation.right}"
-        remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # `claims` lists the cases
+        remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # without the list of cases
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:
@@ -463,7 +463,7 @@ class Ledger:
 
 @contextmanager
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
-    """Let ledgers that are opened in this context store values without comparing them. Yield the list of these ledgers.
+    """Record values without comparing them, in all ledgers opened in this context. Yield the list of these ledgers.
 
     The function `printed` maps a row to the printed value that pages get. By default this is the value in the file.
 

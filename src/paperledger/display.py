@@ -12,7 +12,7 @@ from html import escape
 from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
-GROUPS = {  # count rows computed from the paper's problem by verdict, and other rows by basis
+GROUPS = {  # computed rows are counted by verdict, other rows by basis
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to printed values": {
         "fitted-agrees": "agree, settings fitted",
@@ -119,7 +119,8 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        columns = zip(row, header, strict=False)  # names after a spanning cell are wrong, but unused
+        # After a spanning cell the names are shifted, but no cell there uses its name.
+        columns = zip(row, header, strict=False)
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]

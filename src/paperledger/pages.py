@@ -20,7 +20,7 @@ def _title(book: Ledger) -> str:
 
 
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
-    """Return the scores (total and each paper) and the lines of a table of these scores: kind, words, counts.
+    """Return the scores (total and each paper), and a table of them. A line has a kind, a label and the counts.
 
     A line with an empty kind is the sum of the lines that follow. The total is the first column, for narrow screens.
     """
@@ -218,7 +218,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
 
 
 def claims(folder: Path | str | None = None) -> str:
-    """Return the manifest of a folder as text: the reviewed entries of all rows."""
+    """Return the manifest of a folder as text: the columns `FROZEN` of all rows."""
     return table(FROZEN, [_frozen(row) for book in load_all(folder).values() for row in book.rows.values()])
 
 

@@ -18,7 +18,7 @@ from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerErro
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the reviewed list of claims
 REMOVED = "removed.csv"  # ids that must not be used again, with reasons
-# Largest tolerances of an identity, a statement that a residual is only rounding.
+# An identity states that a residual is only rounding. Its tolerance is at most
 IDENTITY = 1e-9  # if its row has no note
 ROUGHEST = 1e-6  # if its row has a note
 WORDS = 5  # least number of words in a note that justifies a verdict
@@ -38,7 +38,7 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``: whether settings were fitted, and why the value need not change with the library.
+    """Read the column ``made``: whether settings were fitted, and why the value need not change in `shake`.
 
     The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or
     a point of a grid), or empty.
@@ -78,7 +78,7 @@ class Row:
     page : str, optional
         The notebook that computes the value, as in `Ledger.open`. Empty if the row is decided by reading the paper.
     made : str, optional
-        Which settings were fitted to printed numbers, and why the value need not change with the library.
+        Which settings were fitted to printed numbers, and why the value need not change in `shake`.
     relation : str, optional
         The `Relation` that a statement asserts.
     evidence : str, optional

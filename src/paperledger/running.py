@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # If several pages pass the same row, it belongs to a page that closes its ledger.
+    # If several pages pass the same row, it is assigned to a page that closed its ledger.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)
@@ -209,5 +209,5 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Return only the letters in lower case, since files differ in capitals, dashes and indices."""
+    """Convert a text to lower case and keep only letters, since files differ in capitals, dashes and indices."""
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

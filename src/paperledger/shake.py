@@ -1,7 +1,7 @@
 """Change every number that a library returns by a few parts in 100,000, and check which rows of a ledger change.
 
-A number that a page computes with the library changes, and a copied number does not. So a row that does not change was
-copied, unless its column ``made`` gives another reason.
+If a page computes a number with the library, the number changes. If the number was copied, it stays. So a row that does
+not change was copied, unless its column ``made`` gives another reason.
 
 Notes
 -----
@@ -17,8 +17,9 @@ change is deterministic. It varies with x, so that the quotient of two results c
 infinities do not change.
 
 Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So a number
-computed from printed numbers changes much less than a number computed with the library. Pages with numbers of the
-basis *computed* also run with an exact library and changed printed numbers. In this run these numbers must not change.
+computed from printed numbers changes much less than a number computed with the library. Pages with numbers of the basis
+*computed* also run with an exact library and changed printed numbers. In this run their computed numbers must not
+change.
 """
 
 import os
@@ -60,7 +61,7 @@ Handed = dict[str, tuple[Row, int]]  # the keys are ids; the values are rows and
 
 @dataclass
 class Shaker:
-    """A package whose results are changed, and the exceptions.
+    """A package whose results are changed, and the names that stay exact.
 
     Parameters
     ----------
@@ -72,9 +73,9 @@ class Shaker:
     fields : frozenset of str, optional
         Names of fields that do not change when their object is changed, such as times.
     whole : dict of str to function, optional
-        Functions, by name of a class. Each changes an object of this class as a whole. The arguments are the object and
-        a function that changes a number, given the number and its name. By default each field of an object is changed
-        separately.
+        Functions, by name of a class. Each changes an object of this class as a whole. It is called with the object and
+        a function ``off(number, name)``, which returns the changed number. By default each field of an object is
+        changed separately.
     only_prints : bool, optional
         True to change only the printed numbers that pages read, and to keep the library exact.
 
@@ -414,7 +415,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     if _rounded(row, new):
         return f"is rounded by the page, {value}"
     if far < PRINTED and row.basis != "from-print":
-        return f"moves by {far:.1e}, as little as printed numbers: declare from-print, not {row.basis}"
+        return f"moves by only {far:.1e}, like the printed numbers: declare from-print, not {row.basis}"
     return ""
 
 
@@ -451,7 +452,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
     >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", page="demo")
     >>> new = replace(row, computed="1.309852345")
     >>> report([row], Shaker("demo"), {"demo": Run("demo", {row.id: (new, 1)})}, {})
-    ['1 of 1 rows move, 0 say why they stay']
+    ['1 of 1 rows move, 0 need not move']
     """
     counts, wrong = {"move": 0, "stay": 0}, []
     for row in rows:
@@ -462,7 +463,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
             wrong.append(said)
         else:
             counts["stay" if making(row.made)[1] else "move"] += 1
-    head = f"{counts['move']} of {len(rows)} rows move, {counts['stay']} say why they stay"
+    head = f"{counts['move']} of {len(rows)} rows move, {counts['stay']} need not move"
     return [head + f", {len(wrong)} refused" * bool(wrong), *wrong]
 
 
@@ -501,7 +502,7 @@ def shake(
     Parameters
     ----------
     shaker : Shaker
-        Package and exceptions. The package stays wrapped in this process.
+        The package stays wrapped in this process.
     folder : path, optional
         Folder of the csv files. By default as in `Ledger.open`.
     keys : sequence of str

@@ -22,7 +22,7 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a fraction of the printed number
-LONGEST, LARGEST_EXPONENT = 350, 330  # most characters of a number, and its largest power of ten
+LONGEST, LARGEST_EXPONENT = 350, 330  # of a number: largest number of characters, largest power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # verdicts that a person declares
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
 # If a person declares that two numbers disagree, the verdict derived from the numbers must not be one of these.
@@ -87,7 +87,7 @@ def agrees(fresh: str, stored: str) -> bool:
 
     A stored number with fewer decimals than the new one could hide a change, so it never agrees, with two exceptions.
     One decimal less is allowed, since with ten digits 10.0... has one decimal less than 9.99.... Ten stored decimals
-    are always enough, since a computed zero has no more.
+    always suffice, since further decimals of a computed zero are rounding noise.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -336,7 +336,7 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True if the relation compares a residual with rounding. The evidence has only the decade of the residual."""
+        """True if the relation states that a residual is only rounding. The evidence has only the decade of the residual."""
         return self.convention == ROUNDING
 
     @property
@@ -356,7 +356,7 @@ class Relation:
         digits : int, optional
             Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
-            If True, raise an error if a statement holds in part and one of its cases contradicts its declaration.
+            If True, every case of a statement that holds in part must hold or fail as declared.
 
         Returns
         -------
@@ -584,7 +584,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or to up to five if fewer would give 1. Write tiny and huge ratios as bounds."""
+    """Round a ratio to two digits. If that gives 1, use up to five. Write tiny and huge ratios as bounds."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

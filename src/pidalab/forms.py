@@ -47,7 +47,7 @@ class FilteredGains(NamedTuple):
     Attributes
     ----------
     name : str
-        Name of the part in written code.
+        Name of the part in generated code.
     gains : tuple of float
         :math:`K_{-1}, K_0, K_1, \dots`
     filter_time, filter_order : float, int

@@ -248,7 +248,7 @@ def maps(
         ax.set_ylabel(names[1])
     scale = figure.colorbar(shades, ax=axes, label=label, format="{x:g}")
     for i, patch in enumerate(scale.ax.findobj(PathPatch)):
-        patch.set_gid(f"as-drawn-{i}")  # keeps the colour of the shade above the last level in dark mode
+        patch.set_gid(f"as-drawn-{i}")  # keeps the shade above the last level as drawn, in dark mode too
     return figure
 
 
@@ -285,7 +285,7 @@ def legend(figure: Figure, ncols: int = 3, **more: Any) -> None:
 def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) -> None:
     """Write the label of each line next to the line and in its colour, instead of a legend.
 
-    Set scales and limits of the axes first.
+    The positions depend on the scales and limits of the axes, so set these before the call.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     lines, (bottom, _) = {str(line.get_label()): line for line in ax.get_lines()}, ax.get_ylim()
     for label, x in at.items():
         if label not in lines:
-            raise ValueError(f"at must have labels of lines in ax, {list(lines)}, found {label!r}")
+            raise ValueError(f"keys of at must be labels of lines in ax, {list(lines)}, found {label!r}")
         points = ax.transData.transform(lines[label].get_xydata())
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
