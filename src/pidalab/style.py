@@ -70,9 +70,9 @@ def kind_of(label: str) -> str | None:
 
 
 class BookAxes(Axes):
-    """Axes in which the label of a line determines its look. The same kind has the same look in the whole figure.
+    """Axes in which the label of a line determines the colour and dash. A label has the same look in the whole figure.
 
-    If the figure already has such lines, a label that names no kind gets an unused look.
+    If the figure already has lines with a look, a label that names no kind of controller gets an unused look.
     """
 
     name = "rectilinear"
