@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 NEGLIGIBLE_ERROR = 0.005  # a response is drawn until the error stays below this share of its largest value
 PLANTS_SHOWN = 8  # largest number of plants, besides the model, in the figure
-CURVE = 500  # number of points of a curve in the figure
+CURVE = 500  # points of a curve
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: gain "
     "from measurement noise to the control signal, and Nyquist curves with the circle of the requested Ms. Faint "

@@ -97,8 +97,8 @@ def tune(
         "optimal" (the least IAE after a load step), or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
     spread : float, optional
         Relative error by which gain, time scale and dead time are raised and lowered. By default a Process is not
-        varied, and a Fit is varied by its uncertainty and by 15 % of the gain, up or down (`Fit.plants`). The worst of
-        twenty such random plants is not a bound: a few in a hundred plants are worse.
+        varied. The parameters of a Fit are varied by their uncertainty, and the gain also by 15 %, up or down
+        (`Fit.plants`). The worst of twenty such random plants is not a bound: a few in a hundred plants are worse.
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, such as the lag of a sensor. The design takes it into account.
     ms_worst : float, optional

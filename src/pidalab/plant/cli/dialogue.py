@@ -45,7 +45,7 @@ class Group(click.Group):
 @click.group(cls=Group, context_settings=CONTEXT_SETTINGS)
 @click.version_option(package_name="pidalab")
 def main() -> None:
-    """PIDA control: from a plant record to controller code, and what a controller does to a plant.
+    """PIDA control: write controller code from a plant record, and compare and simulate controllers.
 
     \b
     From a record, a delimited text file with an open-loop step:

@@ -59,7 +59,8 @@ class Fit:
         the size and correlation of the residuals. In closed loop they are multiplied by 1.3 if the residuals are white
         noise, and by 7 otherwise.
     residuals : ndarray, shape (n,)
-        Recorded minus simulated output, at the times of the record or, for a long record, at averaged times.
+        Recorded minus simulated output, at the times of the record. (More than 4000 samples are averaged, and a record
+        with more than 60 changes of the input is resampled.)
     deviation : float
         Root mean square of the residuals, in the unit of y.
     noise : float
