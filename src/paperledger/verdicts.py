@@ -336,7 +336,7 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True if the relation states that a residual is only rounding. The evidence has only the decade of the residual."""
+        """True if a residual must be only rounding. The evidence then has only the decade of the residual."""
         return self.convention == ROUNDING
 
     @property

@@ -54,8 +54,8 @@ class DigitalController(Parameters):
     growth : tuple of float
         :math:`\gamma_0, \gamma_1`.
     back_calculation_gain, tracking_gain : float
-        Gains to the integral: from the limited minus the unlimited control signal, and from the tracked signal minus
-        the control signal.
+        Gains of two differences that correct the integral. The first is the limited minus the unlimited control signal,
+        and the second is the tracked signal minus the control signal.
     anti_windup : str or None
         Treatment of the integral while the control signal is at a limit.
     weights : tuple of float
@@ -358,8 +358,8 @@ class DigitalController(Parameters):
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
             Entries of the comment at the top: ``margins`` of the loop, a text as ``note``, the ``time_unit`` of the
-            sample time, and the name (``record``) and ``date`` of the record. Only letters, digits and usual
-            punctuation marks of the texts are kept.
+            sample time, and the name (``record``) and ``date`` of the record to which the model was fitted. Only
+            letters, digits and usual punctuation marks of the texts are kept.
 
         Returns
         -------

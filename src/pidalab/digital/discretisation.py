@@ -106,7 +106,7 @@ def discretise(
         True if the gains may change without a bump while the controller runs. The gains are variables in the written
         code. In Python, ``retune`` changes them.
     reset : tuple of FilteredGains and float, optional
-        For an automatic reset: the stabilising controller, and the time constant of the reset.
+        For an automatic reset: the controller without the reset, and the time constant of the reset.
     source : str, optional
         Description of the controller, for the head of written code.
 
@@ -216,7 +216,7 @@ def equal_lags(output_filter: Any) -> tuple[float, int]:
 
 
 def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float], float]:
-    """Return the gains of an automatic reset on the present and previous signal, and its back-calculation gain."""
+    """Return three gains of an automatic reset: for the present signal, the previous signal, and back-calculation."""
     if method == "backward":
         return (h / ti, 0.0), h / (ti + h)
     if method == "tustin":

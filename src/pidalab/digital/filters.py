@@ -184,7 +184,8 @@ def _by_weight(
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # Here the filtered integral is the pure integral plus the output of its own chain of lags.
+    # If a weight differs from 1, the filtered integral is the pure integral plus the output of a separate chain of
+    # lags.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
@@ -241,8 +242,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     rates = h / lags
     poles, shares = np.exp(-rates), -np.expm1(-rates)
     fastest = rates.max(axis=-1)[..., None]
-    # Add a constant to the diagonal of the system matrix (held input, then states). Then no element is negative, and
-    # the exponential series has no cancellation.
+    # Add a constant to the diagonal of the system matrix (the first row belongs to the held input, the others to the
+    # states). Then no element is negative, and the exponential series has no cancellation.
     shifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
     diagonal, after = np.arange(n + 1), np.arange(1, n + 1)
     shifted[..., diagonal, diagonal] = fastest - np.insert(rates, 0, 0.0, axis=-1)

@@ -1,4 +1,4 @@
-"""Print the statements of a step in a language, and compile the Python form for use in this process.
+"""Print the statements of a step in a programming language. The Python form can also be run at once.
 
 The other languages, and the files that contain a step, are in `pidalab.plant.code`.
 """

@@ -264,7 +264,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(named)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
-        # This error enters the integral only in the next sample, so clamp it now.
+        # The present error enters the integral only in the next sample, so clamp the error now.
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
@@ -284,7 +284,7 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # Reduce the increment instead of stopping the integral, which could remain locked.
+    # Only reduce the increment: an integral that is stopped could remain locked.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [

@@ -43,8 +43,8 @@ SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima are reported if their IAE is below this number times the best IAE
 BEST = 3  # number of descents whose ends are refined
 SAME_END = 1e-4  # a result from random starts is refined if its IAE is below (1 + this) * the best IAE
-# For each random start of the last descents: standard deviation of the logarithms of the gains, and of the logarithm
-# of the filter time.
+# Each pair belongs to a random start of the last descents: standard deviation of the logarithms of the gains, and
+# standard deviation of the logarithm of the filter time.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
 
@@ -308,7 +308,7 @@ def _nearest(search: Search, x: Array) -> str:
 
 
 def _peaks(loop: Loop) -> dict[str, float]:
-    """Return all suprema of a loop that may be limited, and the disk margin."""
+    """Return the disk margin of a loop, and all suprema on which a limit can be set."""
     suprema = {name: peak(loop)[0] for name, peak in SUPREMA.items()}
     return {**suprema, "disk": 1 / suprema["inverse_disk"]}
 

@@ -41,7 +41,7 @@ SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
 }
 ROOM = 1e-9  # relative allowance for rounding at a limit
 NEAR_LIMIT = 0.05  # a peak is near its limit if log(height / limit) > -NEAR_LIMIT
-FREQUENCY_STEP = 1e-5  # relative step of frequency in the difference that gives the curvature of a peak
+FREQUENCY_STEP = 1e-5  # relative step of the frequency in the difference quotient for the curvature of a peak
 PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
 # Largest and least step of the differences for second derivatives, in scaled variables.
 SPACING, LEAST_SPACING = 1e-4, 1e-6
@@ -49,7 +49,7 @@ SPACING, LEAST_SPACING = 1e-4, 1e-6
 # the last step is shorter than LARGEST_LAST_STEP.
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
 SMALL_STEP = 1e-3  # see `polish`
-# Largest radius of the trust region, a step length (see `polish`), and least radius of the trust region.
+# Largest radius of the trust region, length of a local step (see `polish`), and least radius of the trust region.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
 # Number of kinds of peaks in the loop with the process (see `Peaks`).

@@ -371,7 +371,8 @@ class SampledNoise:
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        self.actions[0, 1 : n + 1] = -1.0  # filtered 1/s minus 1/s; `_controller` adds 1/s
+        # Row 0 is (filtered integral) - 1/s, since `_controller` adds 1/s.
+        self.actions[0, 1 : n + 1] = -1.0
         self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):
@@ -424,8 +425,8 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-# The unit of time is 1/w_u. At the frequency w_u the phase of the process falls to CORNER or, with several integrators,
-# to INTEGRATORS_TURN below the phase of the integrators.
+# The unit of time is 1/w_u. At the frequency w_u the phase of the process falls to CORNER. With several integrators, it
+# falls to the phase of the integrators minus INTEGRATORS_TURN.
 CORNER = -0.75 * math.pi
 INTEGRATORS_TURN = 0.25 * math.pi
 # A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the result of `_loudest`.

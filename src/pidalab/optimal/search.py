@@ -42,7 +42,8 @@ VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
 SPARE = 2e-5
 # Frequencies around a peak, divided by the frequency of the peak.
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
-BETWEEN = 0.01  # with `nearly`, `look_at` ignores a peak if a frequency is closer than this fraction
+# With `nearly`, `look_at` ignores a peak if the grid has a frequency within this fraction of the peak's frequency.
+BETWEEN = 0.01
 NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # (iterations, tolerance) of intermediate and final descents
 # Largest number of successive descents. A descent is long if log IAE falls by more than LONG_DESCENT.
