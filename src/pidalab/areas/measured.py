@@ -268,7 +268,7 @@ def _of_samples(x: Array, weights: Array, h: float) -> Array:
     """Integrate a smooth x times tau^(k-1)/(k-1)!, k = 1, 2, ..., by the trapezoidal rule.
 
     The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning x is constant, so
-    the integrand is a power of tau. The Euler-Maclaurin correction is known and is added.
+    the integrand is a power of tau. The Euler-Maclaurin correction is added.
     """
     product = weights[:-2] * x
     k = np.arange(1, len(product) + 1)
