@@ -158,7 +158,8 @@ def tune(
     Raises
     ------
     TypeError, ValueError
-        As for `pida` and `output_filter`. Also if the kind is unknown or a three-point model does not match its record.
+        As for `pida` and `output_filter`. Also if the kind is unknown, or if the `excess_gain` of a three-point model
+        is too large.
 
     Examples
     --------
@@ -234,7 +235,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     model : Process
         The model.
     controller : PIDA
-        The controller. If it has acceleration, the filter is of second order, otherwise of first order.
+        The controller. The filter is of second order if ``controller.ta`` is not 0, otherwise of first order.
 
     Returns
     -------
@@ -278,5 +279,5 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """Scale the controller `unit`, whose gain is 1/(gain of the model), so that Ms of the loop is `ms`."""
+    """Scale the controller `unit` so that Ms of the loop is `ms`."""
     return gain_for_ms(Loop(model, unit), ms) * unit
