@@ -180,10 +180,9 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     -----
     The rule for a zero in the left half-plane and the effective dead time depend on each other. Therefore the reduction
     is repeated until the dead time no longer changes. The result may depend on the initial value, which the paper does
-    not give. Here this value is `dead`, the dead time plus the time constants of zeros in the right half-plane. If
-    `dead` is 0, the initial value is the effective dead time of the lags alone. These values reproduce the examples of
-    the paper. If the iteration becomes periodic, the reduction with the longest dead time is returned, which is
-    cautious.
+    not give. Here the initial value is `dead`. If `dead` is 0, it is the effective dead time of the lags alone. These
+    values reproduce the examples of the paper. If the iteration becomes periodic, the reduction with the longest dead
+    time is returned, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -214,7 +213,7 @@ def _without_leads(
 ) -> tuple[float, list[float], int]:
     """Replace each zero in the left half-plane and a lag of similar size by a gain. Rule T3 adds a shorter lag.
 
-    The rules T1 to T3 are in section 2.2 of Skogestad (2003). An integrator counts as an infinite lag.
+    The rules T1 to T3 are in section 2.2 of Skogestad (2003).
     """
     lags = list(lags)
     for lead in leads:

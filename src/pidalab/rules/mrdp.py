@@ -4,7 +4,7 @@ Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s
 
 .. math:: s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1}),
 
-eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. Any point :math:`x_o` is an (m+2)-fold zero if -N is the
+eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. A point :math:`x_o` is an (m+2)-fold zero if -N is the
 Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The rule chooses the :math:`x_o` nearest to 0 at
 which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
 
@@ -52,7 +52,8 @@ class Constants(NamedTuple):
 
     @property
     def numerator(self) -> list[float]:
-        """Coefficients of N(x), highest power first. By eq. (4), the poles without filter solve x^2 e^x + N(x) = 0.
+        """Coefficients of N(x), highest power first. Without filter, the poles of the loop solve x^2 e^x + N(x) = 0,
+        eq. (4).
 
         Returns
         -------
@@ -208,7 +209,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     m : int
         Order of the highest derivative, at least 0.
     n : int
-        Order of the filter, at least m. 0 gives a PI controller without filter.
+        Order of the filter, at least m. With ``n=0`` a PI controller has no filter.
     te : float
         Dead time that represents the filter, above 0 (with ``n=0`` it must be 0). A larger value gives less noise and a
         slower loop.
@@ -321,7 +322,7 @@ def smallest_te(m: int, n: int) -> float:
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
     and near this frequency the phase of the dead time passes through all values. So the loop is stable if the maximum
-    is below about 1. The function starts from this estimate and bisects, testing stability by the argument principle.
+    is below about 1. From this estimate the function bisects the exact stability limit.
 
     Parameters
     ----------

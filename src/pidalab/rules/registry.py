@@ -133,7 +133,7 @@ def find(name: str, *others: str) -> Rule:
     Raises
     ------
     ValueError
-        If the name is unknown. The message lists the known names.
+        If the name is unknown.
 
     Examples
     --------
