@@ -52,8 +52,9 @@ class Constants(NamedTuple):
 
     @property
     def numerator(self) -> list[float]:
-        """Coefficients of N(x), highest power first. Without filter, the poles of the loop solve x^2 e^x + N(x) = 0,
-        eq. (4).
+        """Coefficients of N(x), highest power first.
+
+        Without filter, the poles of the loop solve x^2 e^x + N(x) = 0, eq. (4).
 
         Returns
         -------
