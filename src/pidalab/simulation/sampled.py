@@ -382,7 +382,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
             return largest * math.sqrt(total)
     raise ValueError(
         f"loop must be stable with sample_time = {h:g}, and u must decay within {samples // 2} samples after a pulse "
-        f"of noise, found {100 * late / total:.3g} % of the sum of squares of u later"
+        f"of noise, but {100 * late / total:.3g} % of the sum of squares of u comes later"
     )
 
 
