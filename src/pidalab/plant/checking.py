@@ -103,7 +103,7 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """How much the IAE of a load step exceeds that with the best gains of equal kind, Ms and noise gain, in %.
+        """Excess in % of the IAE of a load step over the IAE that the best gains of equal kind, Ms and noise gain have.
 
         The loss is negative if the running gains are better than all gains that the search found. (The search uses no
         filter faster than the sample time.) If the search found no gains, the loss is nan.
