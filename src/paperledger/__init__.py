@@ -1,20 +1,21 @@
 """Compare the printed numbers and statements of papers with computed ones.
 
-A file ``book/ledger/<paper>.csv`` has a row for each claim. The pages of the paper compute results and pass them::
+A file ``book/ledger/<paper>.csv`` has a row for each claim. The notebooks about the paper compute results and pass them
+to the ledger::
 
     from paperledger import Ledger
 
-    book = Ledger.open("haalman2024")  # in a chapter; its audit adds page="audit/haalman2024"
+    book = Ledger.open("haalman2024")  # in a chapter; an audit adds page="audit/haalman2024"
     book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # returns a table of printed and computed numbers
-    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # decides a statement; its row contains the relation
+    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # decides a statement by the relation in its row
     book.close()
 
 A run raises an error if
 
 * a value or the evidence of a statement differs from the stored one;
 * a stored verdict no longer follows from the numbers;
-* numbers that were declared to disagree begin to agree;
-* an id is unknown, or a row of the page was not passed.
+* numbers agree although they are declared to disagree;
+* an id is unknown, or the page does not pass one of its rows.
 
 Verdicts are
 
@@ -23,7 +24,8 @@ Verdicts are
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``, which a person declares with the reason in the note.
 
 The basis of a row is the origin of its value: the paper's problem (``computed``), the paper's problem with settings
-that were fitted to printed numbers (``fitted``), other printed results (``from-print``), or reading (``reading``).
+that were fitted to printed numbers (``fitted``), other printed results (``from-print``), or only a reading of the paper
+(``reading``).
 
 ``python -m paperledger update haalman2024`` runs the pages of a paper, stores the results and prints the changes.
 ``--help`` lists the other commands.

@@ -1,10 +1,10 @@
 """Maintain the ledgers in ``book/ledger``: python -m paperledger COMMAND ...
 
-new KEY           write the files of a new paper, and list files that should name it
+new KEY           write the files of a new paper, and list files that should name the paper
 update KEY ...    run the pages of papers and store their results
 show KEY ...      print ledgers, with printed and computed numbers
 check             validate all ledgers, print their scores, and list files that should name a paper but do not
-manifest          store all claims, and print changes; review them line by line
+manifest          store all claims, and print the changes, to be reviewed line by line
 shake LIBRARY KEY ...  run pages while LIBRARY returns slightly wrong numbers, and check that each row changes
 readme FILE ...   update the score in Markdown files
 """
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a console that cannot show τ prints its escape sequence
+        if hasattr(stream, "reconfigure"):  # a console that cannot show τ prints an escape sequence
             stream.reconfigure(errors="backslashreplace")
     try:
         run(asked.command, asked.names)

@@ -35,7 +35,7 @@ class Ledger:
     page : str, optional
         The notebook that uses the ledger, by default the chapter, which is named after the paper.
     words : mapping of str to str, optional
-        The paper's notation for ids or parts of ids. The labels in the table of `compare` use it.
+        The paper's notation, as in `open`, for the labels in the table of `compare`.
 
     Attributes
     ----------
@@ -137,9 +137,9 @@ class Ledger:
         Parameters
         ----------
         values : mapping
-            Numbers nested by the parts of their ids, as ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``, or by whole ids.
+            Numbers by id, or nested by the parts of their ids, as ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``.
         digits : int, optional
-            Number of significant digits. If it is below ten, the note of each row must say why, with the word *digits*.
+            Number of significant digits. If below ten, the note of each row must say why and contain the word *digits*.
 
         Returns
         -------
@@ -151,8 +151,8 @@ class Ledger:
         Raises
         ------
         LedgerError
-            With a line for each wrong value: the id is unknown, or the value is not finite, differs from the
-            stored value, changes the verdict, or agrees although a disagreement was declared.
+            With a line for each wrong value. A value is wrong if its id is unknown, or if it is not finite, differs
+            from the stored value, changes the verdict, or agrees although a disagreement was declared.
 
         Examples
         --------
@@ -161,7 +161,7 @@ class Ledger:
         >>> book.compare({"demo": {"kp": 1.3151}})
         Traceback (most recent call last):
         paperledger.verdicts.LedgerError: demo.kp: drifted from 1.309812345 to 1.315100000
-        demo.kp: the verdict in the file is reproduced, but 1.315100000 against printed 1.31 gives last-digit
+        demo.kp: the file has the verdict reproduced, but 1.315100000 against printed 1.31 gives last-digit
         """
         import pandas as pd
 
@@ -214,7 +214,7 @@ class Ledger:
         id : str
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Left and right side for each case, or one pair for a single case. The worst case decides. If the relation
+            A pair (left side, right side) for each case, or a single pair. The worst case decides. If the relation
             contains *some*, the best case decides. An identity takes residuals instead of pairs. ``==`` requires
             integers.
         digits : int, optional
@@ -228,7 +228,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            As in `compare`. Also if a side has the wrong type, such as a float where the relation is ``==``.
+            As in `compare`, or if a side has the wrong type, such as a float with ``==``.
 
         Examples
         --------
@@ -245,7 +245,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # A run that only records, as in `shake`, may change the verdict of a case.
+                # If values are only recorded, as in `shake`, the verdict of a case may differ from its declaration.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -254,7 +254,7 @@ class Ledger:
             raise
         if relation.is_identity and kept.verdict == "holds":  # the residual depends on the machine
             return f"holds: largest residual ≤ {relation.right}"
-        remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # `claims` lists the cases
+        remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # without the list of cases
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:
@@ -358,7 +358,7 @@ class Ledger:
         Raises
         ------
         LedgerError
-            With all ids that were not passed and all errors, including errors that the page suppressed.
+            With all ids that were not passed, and all errors.
 
         Examples
         --------
@@ -388,7 +388,7 @@ class Ledger:
         """
         gone, start = removed(self.path.parent), f"{self.paper}."
         lines = [f"{id}: does not start with {start}" for id in self.rows if not id.startswith(start)]
-        lines += [f"{id}: was removed, and an id is never used again" for id in self.rows if id in gone]
+        lines += [f"{id}: was removed; use an id that was never used" for id in self.rows if id in gone]
         return lines + [problem for row in self.rows.values() for problem in row.problems()]
 
     def scorebar(self) -> Display:
@@ -463,7 +463,7 @@ class Ledger:
 
 @contextmanager
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
-    """Let ledgers that are opened in this context store values without comparing them. Yield the list of these ledgers.
+    """Record values without comparing them, in all ledgers opened in this context. Yield the list of these ledgers.
 
     The function `printed` maps a row to the printed value that pages get. By default this is the value in the file.
 

@@ -1,6 +1,6 @@
 """Show rows as tables of claims and scores, in HTML for a page and in text for a terminal.
 
-The HTML has classes but no styles, except the widths of a bar. The site colours the classes ``verdict-…``.
+The HTML has classes but no styles, except the widths in a bar. The site colours the classes ``verdict-…``.
 """
 
 import re
@@ -12,7 +12,7 @@ from html import escape
 from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
-GROUPS = {  # rows computed from the paper's problem are counted by verdict, other rows by basis
+GROUPS = {  # computed rows are counted by verdict, other rows by basis
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to printed values": {
         "fitted-agrees": "agree, settings fitted",
@@ -26,7 +26,7 @@ GROUPS = {  # rows computed from the paper's problem are counted by verdict, oth
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
 BASIS = {"fitted": "settings fitted", "from-print": "from printed values", "reading": "by reading"}
-# A letter, capitals or a bracket with index or exponent, as in K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
+# Match a letter, capitals or a bracket with an index or exponent, as in K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
     rf"((?<![A-Za-z])[a-z][\u0300-\u036f]?|[A-Z][\u0300-\u036f]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?"
@@ -98,7 +98,7 @@ def words(text: str) -> Cell:
 
 
 def number(text: str) -> Cell:
-    """Make a cell of a number, with the class for numbers."""
+    """Make a cell of the class ``number``."""
     return Cell(text, escape(text).replace("-", "−"), "number")
 
 
@@ -119,7 +119,8 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        columns = zip(row, header, strict=False)  # a spanning cell shifts the names, but no number follows it
+        # After a spanning cell the names are shifted, but no cell there uses its name.
+        columns = zip(row, header, strict=False)
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -130,7 +131,7 @@ def grid(
 
 
 def _entry(cell: Cell, column: str, heading: bool) -> str:
-    """Return a cell as HTML. A number has the name of its column as a label, for phones that show a row as a block."""
+    """Return a cell as HTML. A number gets the name of its column as a label, since phones show each row as a block."""
     tag, scope = ("th", ' scope="row"') if heading else ("td", "")
     span = f' colspan="{cell.span}"' if cell.span > 1 else ""
     label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
@@ -175,9 +176,9 @@ def evidence(row: Row, span: int = 1) -> Cell:
 
 
 def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Display:
-    """Show rows. A number has its difference in units of the last printed place, a statement its evidence.
+    """Show rows: a number with its difference in units of the last printed place, or a statement with its evidence.
 
-    With `why` a column of notes replaces the verdicts. Otherwise each claim unfolds to its note.
+    If `why` is true, a column of notes replaces the verdicts. Otherwise each claim unfolds to its note.
     """
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
@@ -236,7 +237,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS has plurals of first words.
+# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS maps the first word of an outcome to its plural.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 
@@ -287,7 +288,7 @@ def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]])
 
 
 def _names(heading: str, item: str) -> bool:
-    """Return True if a heading names a printed item: its table, its equation or its section."""
+    """Return True if a heading names the table, figure, equation or section of a printed item."""
     last = item.rpartition(", ")[2]
     kind, _, number = last.partition(" ")
     if kind in ("eq.", "eqs"):

@@ -20,9 +20,9 @@ def _title(book: Ledger) -> str:
 
 
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
-    """Return the scores of all papers and of each paper, and the lines of their table: kind, words, counts.
+    """Return the scores (total and each paper), and a table of them. A line has a kind, a label and the counts.
 
-    A line with an empty kind is the sum of the lines that follow. The total comes first, for narrow screens.
+    A line with an empty kind is the sum of the lines that follow. The total is the first column, for narrow screens.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}
@@ -218,7 +218,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
 
 
 def claims(folder: Path | str | None = None) -> str:
-    """Return the text of the manifest, the reviewed entries of all rows of a folder."""
+    """Return the manifest of a folder as text: the columns `FROZEN` of all rows."""
     return table(FROZEN, [_frozen(row) for book in load_all(folder).values() for row in book.rows.values()])
 
 
@@ -239,7 +239,7 @@ def freeze(folder: Path | str | None = None) -> list[str]:
     Raises
     ------
     LedgerError
-        If an id is missing and ``removed.csv`` gives no reason. Then nothing is written.
+        If an old id is missing and ``removed.csv`` gives no reason. Nothing is written then.
     """
     place = find_folder(folder)
     file, text, reasons = place / MANIFEST, claims(place), removed(place)

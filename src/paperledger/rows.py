@@ -18,9 +18,10 @@ from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerErro
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the reviewed list of claims
 REMOVED = "removed.csv"  # ids that must not be used again, with reasons
-IDENTITY = 1e-9  # largest tolerance of an identity without a note
-ROUGHEST = 1e-6  # largest tolerance of an identity with a note
-WORDS = 5  # least number of words of a note that justifies a verdict
+# An identity states that a residual is only rounding. Its tolerance is at most
+IDENTITY = 1e-9  # if its row has no note
+ROUGHEST = 1e-6  # if its row has a note
+WORDS = 5  # least number of words in a note that justifies a verdict
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 _MADE = re.compile(
     r"(fit: [1-9]\d{0,8} settings? from [1-9]\d{0,8} numbers?: \w[^|]*)?(?:(?:^| \| )(page|count): \w[^|]*)?"
@@ -37,10 +38,10 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return whether settings were fitted, and why the value may stay constant.
+    """Read the column ``made``: whether settings were fitted, and why the value need not change in `shake`.
 
     The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or
-    a grid point that a small change does not move), or empty.
+    a point of a grid), or empty.
 
     >>> making("fit: 1 setting from 7 numbers: T_F, from Table 3 | count: samples of a record")
     (True, 'count')
@@ -48,7 +49,7 @@ def making(text: str) -> tuple[bool, str]:
     match = _MADE.fullmatch(text)
     if not match:
         raise LedgerError(
-            f"made {text!r} is none of 'page: …', 'count: …', 'fit: 3 settings from 7 numbers: …'"
+            f"'made' must be 'page: …', 'count: …' or 'fit: 3 settings from 7 numbers: …', found {text!r}"
         )
     return match[1] is not None, match[2] or ""
 
@@ -68,16 +69,16 @@ class Row:
     printed : str
         The printed number, digit for digit, or a paraphrase of the statement.
     computed : str, optional
-        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if settled by reading or not yet
-        computed.
+        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if the row is decided by
+        reading the paper, or is not yet computed.
     verdict : str, optional
         One of `VERDICTS`, or empty if undecided.
     basis : str, optional
         One of `BASES`.
     page : str, optional
-        The notebook that passes the row, as in `Ledger.open`. Empty if settled by reading.
+        The notebook that computes the value, as in `Ledger.open`. Empty if the row is decided by reading the paper.
     made : str, optional
-        Settings that were fitted to printed numbers, and why the value does not change with the library.
+        Which settings were fitted to printed numbers, and why the value need not change in `shake`.
     relation : str, optional
         The `Relation` that a statement asserts.
     evidence : str, optional
@@ -179,7 +180,7 @@ class Row:
         return verdicts.difference(self.printed, self.computed) if self.is_number else None
 
     def shown(self) -> str:
-        """Return the computed entry for a reader. A number is rounded to two places more than printed.
+        """Return the computed entry for a reader. A number has two decimal places more than the printed number.
 
         Returns
         -------
@@ -261,7 +262,7 @@ class Row:
         Examples
         --------
         >>> Row("demo.kp", "Table 1", "gain", "1.31", "1.3151", "reproduced").disagreement()
-        'demo.kp: the verdict in the file is reproduced, but 1.3151 against printed 1.31 gives last-digit'
+        'demo.kp: the file has the verdict reproduced, but 1.3151 against printed 1.31 gives last-digit'
         """
         try:
             derived = self.derived()
@@ -275,7 +276,7 @@ class Row:
         if derived == self.verdict:
             return None
         advice = "" if derived else "; declare misprint, as-read or differs, with a note"
-        return f"{self.id}: the verdict in the file is {self.verdict or 'empty'}, but {gives}{advice}"
+        return f"{self.id}: the file has the verdict {self.verdict or '(empty)'}, but {gives}{advice}"
 
     def problems(self) -> list[str]:
         """List the errors of the row itself, one line each.
@@ -337,7 +338,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 
 
 def find_folder(folder: Path | str | None = None) -> Path:
-    """Return the folder of ledgers, by default ``book/ledger`` in the current directory or the nearest parent."""
+    """Find the folder of ledgers, by default the nearest ``book/ledger`` from the current directory upward."""
     if folder is not None:
         return Path(folder)
     here = Path.cwd()
@@ -380,7 +381,7 @@ def book_title(paper: str, book: Path) -> str:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Read a csv file with these columns and with printable characters only."""
+    """Read a csv file, which must have these columns and only printable characters."""
     with path.open(encoding="utf-8", newline="") as file:
         try:
             header, *lines = [*csv.reader(file, strict=True)] or [[]]
@@ -397,7 +398,7 @@ def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
 
 
 def removed(folder: Path) -> dict[str, str]:
-    """Return the removed ids of a folder, which must not be used again, with reasons."""
+    """Return the removed ids of a folder with reasons. These ids must not be used again."""
     path = folder / REMOVED
     lines = read_table(path, ("id", "reason")) if path.is_file() else []
     if bare := [id for id, reason in lines if not reason.strip()]:
@@ -468,7 +469,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 
 
 def write_text(path: Path, text: str) -> bool:
-    """Write a file in UTF-8, completely or not at all. Return False if it already has this text."""
+    """Write a file in UTF-8, completely or not at all. Return False if the file already has this text."""
     if path.is_file() and path.read_bytes() == text.encode():
         return False
     beside = path.with_name(f".{path.name}.{os.getpid()}")

@@ -35,8 +35,8 @@ def cells(path: Path) -> list[str]:
 def execute(path: Path) -> Iterator[str]:
     """Run the code cells of a notebook in its folder. Yield the output and the result of each cell.
 
-    The cells run in this process and not in a kernel. So pages can pass objects, errors keep their types, an imported
-    library may be changed, and Jupyter is not needed.
+    The cells run in this process and not in a kernel. So ledgers can be collected, errors keep their types, `shake` can
+    change the library, and Jupyter is not needed.
     """
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
@@ -81,8 +81,8 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
     """Run the pages of a paper, and store their results and verdicts.
 
     Stored values that still agree are kept, so a run on another machine changes nothing. Everything that a person wrote
-    is also kept: order, basis, relations, notes and declared verdicts. If the numbers of a row disagree, the row keeps
-    its declared verdict. Without a declared verdict, it has none.
+    is also kept: order, basis, relations, notes and declared verdicts. If the numbers of a row disagree and no
+    verdict is declared, its verdict becomes empty.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # Results of closed ledgers take precedence. Only pages that call `close` must pass all their rows.
+    # If several pages pass the same row, it is assigned to a page that closed its ledger.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)
@@ -209,5 +209,5 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Return only the letters in lower case, since files differ in capitals, dashes and indices."""
+    """Convert a text to lower case and keep only letters, since files differ in capitals, dashes and indices."""
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

@@ -1,15 +1,15 @@
 """Change every number that a library returns by a few parts in 100,000, and check which rows of a ledger change.
 
-A number that a page computes with the library changes, and a copied number does not. So a row that does not change was
-copied, unless its column ``made`` gives another reason.
+If a page computes a number with the library, the number changes. If the number was copied, it stays. So a row that does
+not change was copied, unless its column ``made`` gives another reason.
 
 Notes
 -----
-State: wrappers replace every public function, method and property of the package, in each of its modules where the name
-occurs. A wrapper calls the unchanged original. ``Shaker._inside`` is the number of active calls into the package.
+State: in every module of the package, wrappers replace the public functions, methods and properties. A wrapper calls
+the unchanged original. ``Shaker._inside`` is the number of active calls into the package.
 
-Invariant: a wrapper changes its result only if ``_inside`` is 0 before and after the call, so only the result of an
-outermost call changes. All calls inside it are exact. So searches converge, and each number is changed only once.
+Invariant: a wrapper changes its result only if ``_inside`` is 0, that is, if it is the outermost call. All calls inside
+the outermost call are exact. So searches converge, and each number is changed only once.
 Constructors and operators are exact, and so is every call inside them.
 
 The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. The
@@ -17,8 +17,9 @@ change is deterministic. It varies with x, so that the quotient of two results c
 infinities do not change.
 
 Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So a number
-computed from printed numbers changes much less than a number computed with the library. Pages with rows of the basis
-*computed* also run with an exact library and changed printed numbers. In this run rows with this basis must not change.
+computed from printed numbers changes much less than a number computed with the library. Pages with numbers of the basis
+*computed* also run with an exact library and changed printed numbers. In this run their computed numbers must not
+change.
 """
 
 import os
@@ -60,20 +61,21 @@ Handed = dict[str, tuple[Row, int]]  # the keys are ids; the values are rows and
 
 @dataclass
 class Shaker:
-    """A package whose results are changed, with exceptions.
+    """A package whose results are changed, and the names that stay exact.
 
     Parameters
     ----------
     package : str
-        Name of the package whose public functions, methods and properties are wrapped.
+        Name of the package.
     exact : frozenset of str, optional
         Names of functions that stay exact because they only assemble their arguments, such as
         ``demo.plant.make_plant``.
     fields : frozenset of str, optional
         Names of fields that do not change when their object is changed, such as times.
     whole : dict of str to function, optional
-        By name of a class, a function that changes an object of this class as a whole. Its arguments are the object and
-        a function that changes a number of a given name. By default each field of an object is changed separately.
+        Functions, by name of a class. Each changes an object of this class as a whole. It is called with the object and
+        a function ``off(number, name)``, which returns the changed number. By default each field of an object is
+        changed separately.
     only_prints : bool, optional
         True to change only the printed numbers that pages read, and to keep the library exact.
 
@@ -184,7 +186,7 @@ class Shaker:
     def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Wrap a function, or `call` in its place, so that the result of an outermost call is changed."""
+        """Wrap a function so that the result of an outermost call is changed. If given, `call` runs in its place."""
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
         exact = self.kept_exact(work)
 
@@ -319,7 +321,7 @@ def run(path: Path, book: Path, shaker: Shaker) -> Run:
 
 
 def distance(old: Row, new: Row) -> float:
-    """Return the relative change of a number, or the largest relative change of a side of a statement's inequalities.
+    """Return the relative change of a number. For a statement, return the largest change of a side of its inequalities.
 
     >>> one = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345")
     >>> f"{distance(one, replace(one, computed='1.309812999')):.1e}"
@@ -347,7 +349,7 @@ def _apart(old: str, new: str) -> float:
 
 
 def _rounded(old: Row, new: Row) -> bool:
-    """Return True if a number changed but ends in zeros before and after the change, because the page rounds it."""
+    """Return True if a number changed and ends in zeros before and after the change, so the page rounds it."""
     return any(
         _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a
         for a, b in zip(_numbers(old), _numbers(new), strict=False)
@@ -355,7 +357,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if the computed value of a row is its own printed number, as this run has changed it."""
+    """Return True if the computed value of a row is its printed number with the small change of this run."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -376,7 +378,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     row : Row
         The stored row.
     new : Row
-        The same row from a run with changed printed numbers, and a changed library if not ``shaker.only_prints``.
+        The same row from a run with changed printed numbers. The library was also changed, unless `only_prints`.
     shaker : Shaker
         Shaker of that run.
 
@@ -413,7 +415,7 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
     if _rounded(row, new):
         return f"is rounded by the page, {value}"
     if far < PRINTED and row.basis != "from-print":
-        return f"moves by {far:.1e}, as little as printed numbers: declare from-print, not {row.basis}"
+        return f"moves by only {far:.1e}, like the printed numbers: declare from-print, not {row.basis}"
     return ""
 
 
@@ -450,7 +452,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
     >>> row = Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", page="demo")
     >>> new = replace(row, computed="1.309852345")
     >>> report([row], Shaker("demo"), {"demo": Run("demo", {row.id: (new, 1)})}, {})
-    ['1 of 1 rows move, 0 say why they stay']
+    ['1 of 1 rows move, 0 need not move']
     """
     counts, wrong = {"move": 0, "stay": 0}, []
     for row in rows:
@@ -461,12 +463,12 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
             wrong.append(said)
         else:
             counts["stay" if making(row.made)[1] else "move"] += 1
-    head = f"{counts['move']} of {len(rows)} rows move, {counts['stay']} say why they stay"
+    head = f"{counts['move']} of {len(rows)} rows move, {counts['stay']} need not move"
     return [head + f", {len(wrong)} refused" * bool(wrong), *wrong]
 
 
 def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]:
-    """Run pages in forked processes, which inherit the imports, `WORKERS` at a time. Return the run of each page."""
+    """Run pages in forked processes, at most `WORKERS` at a time. Return the run of each page."""
     fork, waiting = get_context("fork"), [*paths]
     running: dict[Any, tuple[str, Any]] = {}
     results: dict[str, Run] = {}
@@ -500,7 +502,7 @@ def shake(
     Parameters
     ----------
     shaker : Shaker
-        Package and exceptions. The package stays wrapped in this process.
+        The package stays wrapped in this process.
     folder : path, optional
         Folder of the csv files. By default as in `Ledger.open`.
     keys : sequence of str

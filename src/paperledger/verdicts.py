@@ -3,8 +3,8 @@
 Printed digits are compared as decimals, since ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper but not in
 binary.
 
-A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. Its row stores the inequality that
-decides it: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
+A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. The inequality that decides the
+statement is also stored: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
 """
 
 import operator
@@ -22,8 +22,8 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a fraction of the printed number
-LONGEST, LARGEST_EXPONENT = 350, 330  # most characters of a number, and its largest power of ten
-DECLARED = ("misprint", "as-read", "differs", "not-computable")  # a person declares these
+LONGEST, LARGEST_EXPONENT = 350, 330  # of a number: largest number of characters, largest power of ten
+DECLARED = ("misprint", "as-read", "differs", "not-computable")  # verdicts that a person declares
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
 # If a person declares that two numbers disagree, the verdict derived from the numbers must not be one of these.
 AGREEING = ("reproduced", "approximate", "holds", "holds-in-part")
@@ -62,7 +62,7 @@ def read_number(text: str) -> Decimal:
 
 
 def plain(value: Any) -> int | float:
-    """Convert a number that a page computed, possibly infinite or a NumPy scalar, to an int or a float."""
+    """Convert a computed number, possibly infinite or a NumPy scalar, to an int or a float."""
     scalar = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
     if isinstance(scalar, Integral) and not isinstance(scalar, bool):
         return int(scalar)
@@ -85,9 +85,9 @@ def unit(number: Decimal) -> Decimal:
 def agrees(fresh: str, stored: str) -> bool:
     """Return True if a new number equals a stored one within a unit of the last stored place, or a relative 1e-9.
 
-    A stored number with fewer decimals than the new one could hide a change, so the two do not agree. There are two
-    exceptions. One decimal less is allowed: with ten digits, 10.0... has one decimal less than 9.99.... And ten stored
-    decimals are always enough, since a computed zero has no more.
+    A stored number with fewer decimals than the new one could hide a change, so it never agrees, with two exceptions.
+    One decimal less is allowed, since with ten digits 10.0... has one decimal less than 9.99.... Ten stored decimals
+    always suffice, since further decimals of a computed zero are rounding noise.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -239,8 +239,8 @@ _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?: \| (.+))?")
 
 
-# Conventions of all papers. For each sign of a relation they list the bounds that must hold. A bound is a sign, and a
-# factor that multiplies the right side. The page *Notation* defines the words.
+# Conventions of all papers. For each sign of a relation they list the bounds that must hold. A bound is a sign and a
+# factor of the right side. The page *Notation* defines the words.
 CONVENTIONS = {
     "similar": {"≈": ">= 0.9, <= 1/0.9"},
     "slightly": {"<": "<, >= 0.9", ">": ">, <= 1/0.9"},
@@ -336,7 +336,7 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True if the relation compares a residual with rounding. The evidence stores only its decade."""
+        """True if a residual must be only rounding. The evidence then has only the decade of the residual."""
         return self.convention == ROUNDING
 
     @property
@@ -347,16 +347,16 @@ class Relation:
         return ", ".join(filter(None, said))
 
     def decide(self, cases: Cases, digits: int = DIGITS, strict: bool = True) -> "Evidence":
-        """Find the decisive case: the worst case, or the best case if one is enough.
+        """Find the decisive case: the worst case, or the best case if one case is enough.
 
         Parameters
         ----------
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            Both sides of each case, or of a single case. For an identity, residuals.
+            As in `Ledger.decide`.
         digits : int, optional
             Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
-            For a statement that holds in part: True to raise an error if a case does not hold or fail as declared.
+            If True, every case of a statement that holds in part must hold or fail as declared.
 
         Returns
         -------
@@ -365,7 +365,7 @@ class Relation:
         Raises
         ------
         LedgerError
-            If there is no case, or if a side is not a number of the kind that the relation compares.
+            If there is no case, or if the relation cannot compare a side, such as a float with ``==``.
 
         Examples
         --------
@@ -389,7 +389,7 @@ class Relation:
         return self._evidence(pairs, digits, which)
 
     def _evidence(self, pairs: dict[str, Pair], digits: int, which: str) -> "Evidence":
-        """Return the evidence of the worst case, or of the best case if one is enough."""
+        """Return the evidence of the worst case, or of the best case if one case is enough."""
         slack = {name: self._slack(*pair) for name, pair in pairs.items()}
         name = (max if self.some else min)(slack, key=lambda case: slack[case][0])
         remark = "; ".join(filter(None, (which.format(name), _ratios([*pairs.values()]))))
@@ -429,13 +429,12 @@ class Relation:
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
-            # Round the distance. Otherwise rounding errors would decide which of two equally distant cases is the
-            # worst.
+            # Round, so that rounding errors do not decide which of two equally distant cases is the worst.
             bounds.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
         return min(bounds, key=lambda pair: pair[0])
 
     def _residual(self, residuals: list[float]) -> "Evidence":
-        """Return the evidence of the largest residual: its decade, or all digits if it exceeds the tolerance."""
+        """Return the evidence of the largest residual: its decade, or all digits if it is above the tolerance."""
         largest, tolerance = max(map(abs, residuals)), float(self.right)
         if not isfinite(largest):
             raise LedgerError(f"a residual must be finite, found {largest}")
@@ -462,7 +461,7 @@ class Evidence:
     remark : str, optional
         Number of cases, name of the decisive case, and range of left / right.
     but : Evidence, optional
-        For a statement that holds in part, the inequality that fails, which follows `` || `` in the row.
+        For a statement that holds in part, the inequality that fails. In the row it follows `` || ``.
 
     Examples
     --------
@@ -557,7 +556,7 @@ def _name(key: object) -> str:
 
 
 def _belongs(name: str, part: str) -> bool:
-    """Return True if a case has the name of a part, or a name that continues it after a comma."""
+    """Return True if the name of a case is the part, or begins with the part and a comma."""
     return name == part or name.startswith(f"{part}, ")
 
 
@@ -585,7 +584,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or up to five to distinguish it from 1. Write tiny and huge ratios as bounds."""
+    """Round a ratio to two digits. If that gives 1, use up to five. Write tiny and huge ratios as bounds."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

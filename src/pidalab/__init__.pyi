@@ -1,4 +1,4 @@
-# The public names and their homes: `__init__.py` imports each when it is first used, and type checkers read them here.
+# `__init__.py` imports each of these public names when it is first used. Type checkers read the names here.
 from . import (
     areas as areas,
     digital as digital,

@@ -63,7 +63,7 @@ def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return a hint such as ``; pass its .process`` if this attribute of `value` is a `kind`, else an empty string."""
+    """Return a hint such as ``; pass its .process`` if `value` has this attribute of type `kind`. Else return ""."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"
@@ -82,7 +82,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
 
 
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
-    """Return a copy as an array of any shape. Raise for the kinds of data (`dtype.kind`) in `others`, such as text."""
+    """Return a copy as an array of any shape. Raise if the kind of data (`dtype.kind`) is in `others`."""
     if type(value) is np.ndarray and value.dtype == kind:
         return value.copy()
     _require_plain(name, value, what)
@@ -119,7 +119,7 @@ def _finite(name: str, values: Array) -> Array:
 
 
 def all_finite(values: Array) -> bool:
-    """Return True if all numbers are finite. The sum is tested first, since it needs no further array."""
+    """Return True if all numbers are finite. The sum is tested first, since a sum needs no temporary array."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(np.add.reduce(values, axis=None)) or np.isfinite(values).all())
 
@@ -162,7 +162,7 @@ def proper(what: str, num: Array, den: Array) -> None:
         raise ValueError(f"{what}: den must not be the zero polynomial")
     if len(num) > len(den):
         raise ValueError(
-            f"{what} must be proper, found degrees {len(num) - 1} and {len(den) - 1}; "
+            f"{what} must be proper, found degrees {len(num) - 1} of num and {len(den) - 1} of den; "
             f"add a filter of order {len(num) - len(den)} or more"
         )
 
@@ -230,7 +230,7 @@ def pair(name: str, what: str, value: Any) -> tuple[float, float]:
 
 
 def limits(value: Any) -> tuple[float, float]:
-    """Return lower and upper limit as floats, possibly infinite. Raise unless they are in order."""
+    """Return lower and upper limit as floats, possibly infinite. Raise unless lower < upper."""
     low, high = pair("limits", "lower and upper", value)
     if not low < high:
         raise ValueError(f"limits must be (lower, upper) with lower < upper, found {value!r}")

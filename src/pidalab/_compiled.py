@@ -2,12 +2,12 @@
 
 Importing numba takes longer than a short computation, and compiling takes up to a minute. A process therefore starts
 with the plain forms, whose results differ from compiled ones only by rounding. After a second in plain forms, the
-process switches to compiled code if it is stored for all kernels. Otherwise another process compiles in the background.
-A call with large arguments waits for compiled code. Without numba every call uses the plain form.
+process switches to compiled code if code of all kernels is stored. Otherwise another process compiles in the
+background. A call with large arguments waits for compiled code. Without numba every call uses the plain form.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. With ``PIDALAB_COMPILE=0``, or numba's
-own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set,
-else in ``__pycache__`` of the package, else in the user's cache.
+own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set.
+Otherwise it is stored in ``__pycache__`` of the package, or in the user's cache if the package is not writable.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Kernel:
     form : callable
         Plain form: the same function, or a version with array operations instead of loops.
     options : dict
-        Options of numba, in addition to those for its cache.
+        Further options of numba.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ def _python_form(value: Any) -> Any:
 
 
 class Tier:
-    """The forms that calls of this process use.
+    """Choice between plain and compiled forms for all calls of this process.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ def _cache_folder() -> Path | None:
 
 
 def code_folder() -> Path | None:
-    """Return the folder of compiled code, or None. Its name depends on sources, Python, numba, machine and options."""
+    """Return the folder of compiled code, or None. The name depends on sources, Python, numba, machine and options."""
     cache = _cache_folder()
     if cache is None:
         return None
@@ -230,7 +230,7 @@ def code_folder() -> Path | None:
 
 
 def is_complete() -> bool:
-    """Return True if compiled code of all kernels is stored in the folder of `code_folder`."""
+    """Return True if compiled code of all kernels is stored."""
     folder = code_folder()
     return folder is not None and (folder / "complete").is_file()
 
@@ -259,7 +259,7 @@ def compile_in_background() -> None:
     # priority.
     apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
     closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    # Start in the package's folder. Keep the working directory off the path, since files in it must not be imported.
+    # Start in the folder that contains the package. Put it last on the path, so that its files hide no other module.
     parent = str(PACKAGE.parent)
     script = f"import sys; sys.path.append({parent!r}); from pidalab.warm_up import main; main()"
     try:

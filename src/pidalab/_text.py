@@ -1,7 +1,7 @@
 """Sanitising of text from outside before it is written to files.
 
 File names, column names and notes come from outside, and are written into the headers and titles of code, reports,
-tables and JSON. They must not end a comment there, or contain a quote, a tag, a formula or a line feed. Therefore only
+tables and JSON. They must not end a comment, or contain a quote, a tag, a formula or a line feed. Therefore only
 a few kinds of characters are kept. The result needs no escaping in C, structured text, Python, JSON, HTML or a cell of
 a table.
 """

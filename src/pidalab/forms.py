@@ -38,14 +38,16 @@ class SeriesForm(NamedTuple):
 
 
 class FilteredGains(NamedTuple):
-    r"""Gains on integral, error and derivatives, filtered by equal lags. A controller is a sum of such parts.
+    r"""Part of a controller: gains on integral, error and derivatives, filtered by equal lags.
+
+    A controller is the sum of its parts.
 
     .. math:: \frac{K_{-1} s^{-1} + K_0 + K_1 s + \dots}{(1 + T_F s)^n}
 
     Attributes
     ----------
     name : str
-        Name of the part in written code.
+        Name of the part in generated code.
     gains : tuple of float
         :math:`K_{-1}, K_0, K_1, \dots`
     filter_time, filter_order : float, int

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import control
 
 FREQUENCIES = 1000  # number of frequencies of a response; a dead time adds more
-# Largest phase that the dead time adds, in rad: from one frequency to the next, and at the highest frequency.
+# Largest phase of the dead time, in rad: its change from one frequency to the next, and its value at the highest.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
@@ -41,7 +41,7 @@ class Loop:
     ========  ===========================================================================
     ``r``     set point, before the prefilter
     ``d``     load disturbance, added to ``u`` at the process input
-    ``n``     measurement noise, added to ``y`` on its way back
+    ``n``     measurement noise, added to ``y`` in the feedback path
     ``y``     process output, without noise
     ``e``     control error ``r - y``
     ``u``     control signal: output of the output filter, before ``d`` is added

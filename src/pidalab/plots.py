@@ -28,8 +28,8 @@ from pidalab.process import Process
 from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
-LINE_POINTS = 4000  # largest number of points of a line; a vector file stores only the visible points
-NOISY_POINTS = 400  # largest number of points of a noisy line, since nearly all are visible
+LINE_POINTS = 4000  # largest number of points of a line
+NOISY_POINTS = 400  # largest number of points of a noisy line, since a vector file stores nearly all of them
 
 
 def use_book_style() -> None:
@@ -112,7 +112,7 @@ def signal(
     Raises
     ------
     TypeError
-        If `ax` is not axes, or if responses are not given by their labels.
+        If `ax` is not an Axes, or if `responses` is not a mapping of labels to responses.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def experiment(
     Raises
     ------
     TypeError, ValueError
-        If responses are not given by label, or if the runs belong to different experiments.
+        If `runs` is not a mapping of labels to responses, or if their times or set points differ.
 
     Examples
     --------
@@ -248,7 +248,7 @@ def maps(
         ax.set_ylabel(names[1])
     scale = figure.colorbar(shades, ax=axes, label=label, format="{x:g}")
     for i, patch in enumerate(scale.ax.findobj(PathPatch)):
-        patch.set_gid(f"as-drawn-{i}")  # keeps the colour of the shade above the last level in dark mode
+        patch.set_gid(f"as-drawn-{i}")  # keeps the shade above the last level as drawn, in dark mode too
     return figure
 
 
@@ -285,7 +285,7 @@ def legend(figure: Figure, ncols: int = 3, **more: Any) -> None:
 def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) -> None:
     """Write the label of each line next to the line and in its colour, instead of a legend.
 
-    Set scales and limits of the axes first.
+    The positions depend on the scales and limits of the axes, so set these before the call.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     Raises
     ------
     TypeError, ValueError
-        If `ax` is not axes, or if no line has a label.
+        If `ax` is not an Axes, or if a label belongs to no line.
 
     Examples
     --------
@@ -314,7 +314,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     lines, (bottom, _) = {str(line.get_label()): line for line in ax.get_lines()}, ax.get_ylim()
     for label, x in at.items():
         if label not in lines:
-            raise ValueError(f"at must have labels of lines in ax, {list(lines)}, found {label!r}")
+            raise ValueError(f"keys of at must be labels of lines in ax, {list(lines)}, found {label!r}")
         points = ax.transData.transform(lines[label].get_xydata())
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
@@ -344,7 +344,7 @@ def nyquist(ax: Axes, loops: Mapping[str, Loop], frequencies: Array, ms: float |
     Raises
     ------
     TypeError, ValueError
-        If `ax` is not axes, or if frequencies are not valid or loops are not given by their labels.
+        If an argument is not valid, such as `loops` without labels.
 
     Examples
     --------
@@ -376,14 +376,14 @@ def magnitude(ax: Axes, curves: Mapping[str, Array], frequencies: Array) -> None
     ax : Axes
         Axes to draw into.
     curves : mapping of str to ndarray
-        Complex or real values by the labels of their curves. Their magnitudes are drawn.
+        Complex or real values by the labels of their curves.
     frequencies : ndarray
         Frequencies in rad per time unit.
 
     Raises
     ------
     TypeError, ValueError
-        If `ax` is not axes, or if frequencies are not valid or values are not given by their labels.
+        If an argument is not valid, such as `curves` without labels.
 
     Examples
     --------
@@ -439,8 +439,7 @@ def live(plant: str | Process, controllers: Mapping[str, Controller], **more: An
     Raises
     ------
     TypeError, ValueError
-        If a controller is not a HighOrderPID with integral action and derivatives up to the acceleration. Also if a
-        process is given without the end of the time axis.
+        If a controller is not a PI, PID or PIDA of the type HighOrderPID, or if a process is given without ``end``.
 
     Examples
     --------

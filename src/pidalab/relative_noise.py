@@ -1,9 +1,9 @@
 r"""Noise gain relative to the plant, which does not depend on the units of y, u and time.
 
-The *noise gain* of a loop is the ratio of the standard deviations of u and of white measurement noise, held for a
-sample time h. The noise gain depends on h. Here h is a hundredth of the ultimate period of the plant. The *relative
-noise gain* is the noise gain divided by the ultimate gain of the plant. A proportional controller with a tenth of the
-ultimate gain has a relative noise gain near 0.1.
+White measurement noise has a new value in each sample time h. The *noise gain* of a loop is the standard deviation of u
+divided by the standard deviation of this noise. The noise gain depends on h, which is here a hundredth of the
+ultimate period of the plant. The *relative noise gain* is the noise gain divided by the ultimate gain of the plant. A
+proportional controller with a tenth of the ultimate gain has a relative noise gain near 0.1.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class NoiseScale(NamedTuple):
 
     @property
     def period(self) -> float:
-        """Ultimate period of the plant, or its substitute: 100 sample times."""
+        """Period T of `noise_scale`, which is 100 sample times."""
         return SAMPLES * self.sample_time
 
 

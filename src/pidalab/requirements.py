@@ -70,12 +70,12 @@ class Requirements:
             object.__setattr__(self, name, value)
 
     def limits(self) -> dict[str, float]:
-        """Return the limits for the process itself, without the family, by name."""
+        """Return the limits for the process itself, not for the family, by name."""
         names = ("ms", "mks", "noise_gain", "mt", "disk")
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def peaks(self, slack: float = 0.0) -> dict[str, float]:
-        """Return ``1 - slack`` times the limits of peaks, with the names of `pidalab.optimal.problem.PEAKS`."""
+        """Return each limit of a peak, multiplied by ``1 - slack``, by its name in `pidalab.optimal.problem.PEAKS`."""
         limits = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
         if self.disk is not None:
             limits["inverse_disk"] = 1 / self.disk

@@ -283,7 +283,7 @@ class Response(Signals):
         final: float | None,
         less: Callable[[Array], float],
     ) -> float:
-        """Return the total variation of a signal minus a function of its path."""
+        """Return the total variation of a signal minus `less` of its path."""
         self._require_path(signal, horizon)
 
         def excess(record: Response) -> float:
@@ -352,7 +352,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # `_top` uses the exact area, so it misses less than the samples do.
+            # `_top` uses the exact area, so it misses less than the samples do: here a quarter is assumed.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
@@ -400,7 +400,7 @@ class Response(Signals):
         return target
 
     def _top(self, target: float) -> tuple[float, float]:
-        """Return the time of the extreme of y, and its height as a share of the final value."""
+        """Return the time at which y / (final value) is largest, and this ratio."""
         [((c0, c1, c2), _, start)] = self._pieces(None, self.t.size)
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.nan_to_num(np.clip(-c1 / (2 * c2), 0.0, 1.0))
@@ -516,8 +516,7 @@ class Response(Signals):
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Return the time in which y rises from a low share to a high share of its final value.
 
-        If y starts above a share, it counts as passing this share at t = 0. So the rise time is 0 if y starts above the
-        high share.
+        If y starts above a share, y passes this share at t = 0. If y starts above the high share, the rise time is 0.
 
         Parameters
         ----------
@@ -570,7 +569,7 @@ class Response(Signals):
         ----------
         band : float, optional
             Half width, between 0 and 1 (0.02 for 2 %), as a share of the final set point. If the set point ends at 0,
-            it is a share of the largest error.
+            the half width is a share of the largest error.
         final : float, optional
             Final value that replaces the set point, such as the static gain for the step response of a process.
 

@@ -19,11 +19,11 @@ Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
 SETTLED_SHARE = 1e-6  # in the last tenth of a settled record, |e| is at most this share of its maximum
 BLOCK = 8192  # sample intervals whose integrals are computed together
-FEWEST_JUDGED = 20  # fewer samples are not tested for divergence or resolution
+FEWEST_JUDGED = 20  # a shorter record is not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
 INTEGRALS = ("iae", "ise", "itae")
 SAME_SHARE = 2e-4  # a measure is the same on two grids if it differs by less than this share
-DOUBT_SHARE = 1e-3  # a measure warns if its estimated relative error is larger
+DOUBT_SHARE = 1e-3  # a measure with a larger estimated relative error warns
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Signals:
     held: Any = 0.0
     final: float | None = None
 
-    _finer: ClassVar[Any] = None  # function that returns the experiment on a grid finer by `REFINEMENT`
+    _finer: ClassVar[Any] = None  # function that returns the experiment on a grid `REFINEMENT` times finer
     _speed: ClassVar[Any] = None  # function that returns the modulus of the fastest pole of the loop
     _exact: ClassVar[bool] = False  # True if a simulation or the caller provided the area
 
@@ -106,7 +106,7 @@ class Signals:
         """Return a measure that does not change on a finer grid, or warn with an estimate of its error.
 
         `measure` computes the measure of a record without warnings. `missed` bounds how much the samples of a record
-        underestimate extremes. A difference between grids is divided by the measure, or by `least` if that is larger.
+        underestimate extremes. A difference between grids is divided by the larger of the measure and `least`.
 
         Notes
         -----
@@ -178,7 +178,7 @@ class Signals:
         Returns
         -------
         Response
-            Response without noise. The part n of its output is held between samples.
+            Response with n = 0 and the output y + n. The added noise is held between samples.
 
         Examples
         --------
@@ -329,7 +329,8 @@ class Signals:
         """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
         The test begins at the first change of the signal or at the last change of set point or load, whichever is
-        later. Set point and load are ignored if they change all the time. Few samples are not tested.
+        later. Set point and load are ignored if they change all the time. Nothing is tested in fewer than
+        `FEWEST_JUDGED` samples.
         """
         if not self._grows(signal, 0):
             return
@@ -351,7 +352,7 @@ class Signals:
 
     @staticmethod
     def _movements(signal: Array, start: int) -> tuple[float, float]:
-        """Return the range of the last tenth of ``signal[start:]``, and the range of the part before."""
+        """Return the range of the last tenth of ``signal[start:]``, and the range of the samples before it."""
         moving = signal[start:]
         tenth = max(2, moving.size // 10)
         return float(np.ptp(moving[-tenth:])), float(np.ptp(moving[: moving.size - tenth + 1]))

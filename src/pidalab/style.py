@@ -48,7 +48,7 @@ STYLE: dict[str, Any] = {
     ),
     "grid.color": GREY,
     "grid.alpha": 0.25,
-    "font.size": 12,  # points, as in the text; 9 px if a figure 6.4 inches wide fills a phone
+    "font.size": 12,  # points, as in the text of a page; 9 px on a phone
     "figure.titlesize": "medium",
     "figure.labelsize": "medium",
     "legend.frameon": False,
@@ -70,9 +70,10 @@ def kind_of(label: str) -> str | None:
 
 
 class BookAxes(Axes):
-    """Axes in which the label of a line determines its look. The same kind has the same look in the whole figure.
+    """Axes in which the label of a line determines the colour and dash. A label has the same look in the whole figure.
 
-    If the figure already has such lines, a label that names no kind gets an unused look.
+    If the figure already has a line whose label determined its colour, a label that names no kind of controller gets an
+    unused colour.
     """
 
     name = "rectilinear"

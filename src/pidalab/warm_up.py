@@ -33,7 +33,7 @@ def main() -> None:
         os.nice(19)
     TIER.begin()
     if not TIER.ready:
-        raise ImportError("numba must be installed and not switched off to compile")
+        raise ImportError("to compile, numba must be installed and not switched off")
     use_all()
     declare_complete()
 

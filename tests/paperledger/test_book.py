@@ -120,12 +120,12 @@ def test_drift_and_the_verdict_it_gives():
     ]
     assert failures(ledger().compare, {"t1.kp": 1.3151}) == [
         "demo.t1.kp: drifted from 1.309812345 to 1.315100000",
-        "demo.t1.kp: the verdict in the file is reproduced, but 1.315100000 against printed 1.31 gives last-digit",
+        "demo.t1.kp: the file has the verdict reproduced, but 1.315100000 against printed 1.31 gives last-digit",
     ]
     kept = "3.100000000 < 4.200000000 | ratio 0.74"
     assert failures(ledger().decide, "s1", (5.2, 4.2)) == [
         f"demo.s1: drifted from {kept} to 5.200000000 < 4.200000000 | ratio 1.2",
-        "demo.s1: the verdict in the file is holds, but 5.200000000 < 4.200000000 | ratio 1.2 gives fails",
+        "demo.s1: the file has the verdict holds, but 5.200000000 < 4.200000000 | ratio 1.2 gives fails",
     ]
 
 

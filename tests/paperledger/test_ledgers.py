@@ -20,7 +20,7 @@ COMMANDS = [
     line for block in re.findall(r"```bash\n(.*?)```", PAGE, flags=re.DOTALL) for line in block.splitlines()
 ]
 SAID = {
-    "update": r"left to do:\n" + re.escape(re.search(r"`(doe2030\.table1\.y20: the verdict[^`]*)`", PAGE)[1]),
+    "update": r"left to do:\n" + re.escape(re.search(r"`(doe2030\.table1\.y20: the file[^`]*)`", PAGE)[1]),
     "check": "doe2030: 4 claims, 2 reproduced, 1 holds, 1 misprint",
     "manifest": "manifest: rewritten",
     "show": r"misprint +doe2030\.table1\.y20: growth in 20 years \(Table 1\) +1\.086 +1\.8061",

@@ -98,10 +98,10 @@ GUILTY = {  # a row that a page passes as computed, and the resulting message
     "stored": ("float(row('stored').computed or 1.37)", "stays at"),
     "quotient": ("p('quotient') * C.kp / C.kp", "is its own printed number"),
     "nothing": ("p('nothing') + 0.0 * C.kp", "is its own printed number"),
-    "other": ("p('own') * 1.001", "as little as printed numbers: declare from-print"),
+    "other": ("p('own') * 1.001", "like the printed numbers: declare from-print"),
     "tenth": ("p('tenth') + 0.1 * (C.kp - p('tenth'))", "when only printed numbers change"),
     "tuned": ("C.kp * p('text') / 1.37", "when only printed numbers change"),
-    "mixed": ("p('mixed') + 1e-3 * (C.kp - p('mixed'))", "as little as printed numbers"),
+    "mixed": ("p('mixed') + 1e-3 * (C.kp - p('mixed'))", "like the printed numbers"),
     "round3": ("round(C.kp, 3)", "stays at 1.374000000"),
     "round6": ("round(C.kp, 6)", "is rounded"),
     "grid": ("C.kp // 0.01 * 0.01", "stays at"),
@@ -175,7 +175,7 @@ def shake_demo(said):
 def test_computed_numbers_change(library):
     cells = [f"book.compare({{{id!r}: {code}}})" for id, code in INNOCENT.items()]
     status, said = shaken(library, rows_of(INNOCENT), *cells, "book.close()")
-    assert said == "demo: 14 of 15 rows move, 1 say why they stay\n"
+    assert said == "demo: 14 of 15 rows move, 1 need not move\n"
     assert status == 0
 
 
@@ -205,7 +205,7 @@ def test_statements_change_too(library):
     ]
     _, said = shaken(library, rows, *cells)
     assert re.findall(r"(?m)^  (demo\.\w+: stays)", said) == ["demo.s2: stays"]
-    assert said.startswith("demo: 2 of 4 rows move, 1 say why they stay, 1 refused")
+    assert said.startswith("demo: 2 of 4 rows move, 1 need not move, 1 refused")
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ SHORTEST = 0.05  # least length of a steady state, relative to the record after 
 SHORTER = 0.9  # length of each tried steady state / length of the previous one
 DRIFT = 2.5  # a transient of up to this number of standard deviations counts as noise
 FADE = 5.0  # like DRIFT, but for the squares of the record, which scatter more
-LONGER = 1.1  # noise hides the end of a transient, so its visible duration is multiplied by this
+LONGER = 1.1  # the visible duration of a transient is multiplied by this, since noise hides the end
 ROUNDING = float(np.finfo(float).eps)  # a smaller drift, relative to the level, is a rounding error
 UNCERTAIN = 0.05  # a warning is given if the relative uncertainty of an area is larger
 
@@ -132,12 +132,12 @@ def from_record(
     Sampling with step h causes only one error that matters. If the slope of y jumps by y', as with a single lag, the
     error of A_1 is about h² y'/12.
 
-    The last section of the record counts as a steady state if none of five decaying exponentials is found in this
-    section. Their time constants are 1/32 to 1/2 of its length. The section is divided into sixteen pieces. An
-    exponential is found if its component in the means of the pieces exceeds 2.5 standard deviations. A decaying
-    oscillation appears in the means of the squares, where the limit is 5 standard deviations. Noise hides smaller
-    transients, which would make all areas too small. Therefore the time from the first move of the input to the steady
-    state is made a tenth longer. The final levels are means of the steady state. The integrals end where it begins.
+    The last section of the record counts as a steady state if no transient is found in it. The section is divided into
+    sixteen pieces, and the means of the pieces are compared with five decaying exponentials, whose time constants are
+    1/32 to 1/2 of the section. A transient is found if the component of an exponential exceeds 2.5 standard deviations.
+    A decaying oscillation appears in the means of the squares, where the limit is 5 standard deviations. Noise hides
+    smaller transients, which would make all areas too small. Therefore the time from the first move of the input to the
+    steady state is made a tenth longer. The final levels are means of the steady state. The integrals end at its start.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
     :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of the tail follows from the
@@ -267,8 +267,8 @@ def _transients(x: Array) -> tuple[Array, float]:
 def _of_samples(x: Array, weights: Array, h: float) -> Array:
     """Integrate a smooth x times tau^(k-1)/(k-1)!, k = 1, 2, ..., by the trapezoidal rule.
 
-    The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning x is flat but not 0,
-    and the weights are powers. Therefore the Euler-Maclaurin correction is known.
+    The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning x is constant, so
+    the integrand is a power of tau. The Euler-Maclaurin correction is added.
     """
     product = weights[:-2] * x
     k = np.arange(1, len(product) + 1)
@@ -307,9 +307,9 @@ def _moment_covariance(
 def _quantisation(y: Array, end: Array) -> float:
     """Return the largest error of a level due to quantisation: half a quantisation step, reduced by noise.
 
-    The step is the smallest difference of two values of the record. With fewer than three values it is unknown, and the
-    result is 0. Gaussian noise of standard deviation sigma multiplies the error of a mean by exp(-2 pi^2
-    sigma^2/step^2), the first harmonic of the rounding error.
+    The step is the smallest difference of two values of the record. If y has fewer than three values, the step is
+    unknown and the result is 0. Gaussian noise of standard deviation sigma multiplies the error of a mean by
+    exp(-2 pi^2 sigma^2/step^2), the first harmonic of the rounding error.
     """
     steps = np.diff(np.unique(y))
     if steps.size < 2:
@@ -321,9 +321,8 @@ def _quantisation(y: Array, end: Array) -> float:
 def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
     """Return (errors of the moments) / (height of a slow tail), and (height of the tail) / (drift that it causes).
 
-    The tail decays like a lag. Its time constant is the standard deviation of the impulse response, which a dead time
-    does not affect. The integrals lack the part of the tail after their end. The tail also shifts the mean that serves
-    as final level.
+    The tail decays like a lag. The time constant is the standard deviation of the impulse response, so that a dead time
+    has no effect. The integrals miss the part of the tail after their end. The tail also shifts the final level.
     """
     gain, mean, square = values[:3]
     lag = math.sqrt(abs(2 * square / gain - (mean / gain) ** 2)) if gain else 0.0

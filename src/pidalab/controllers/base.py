@@ -124,7 +124,7 @@ class Controller(Block):
         raise TypeError(f"{type(self).__name__} must define fraction")
 
     def parts(self) -> tuple[FilteredGains, ...]:
-        """Return the parts, each with gains and a filter, whose sum is the filtered controller.
+        """Return the parts whose sum is the filtered controller, each with gains and a filter.
 
         Returns
         -------

@@ -203,7 +203,7 @@ class HighOrderPID(Controller):
     gains : sequence of float
         :math:`K_{-1}, K_0, \dots, K_m`, at least two values.
     filter_time : float
-        Time constant of the filter, above 0. Without filter (``filter_order=0``) it is 0.
+        Time constant of the filter, above 0, or 0 if ``filter_order=0``.
     filter_order : int
         Order of the filter, at least m.
 

@@ -1,7 +1,6 @@
 """Digital controllers: difference equations that run in Python, control simulated loops, and are written as code.
 
 ``controller.discretise`` creates a digital controller. This package does not depend on continuous controllers.
-`from_json` and the methods that write code import `pidalab.plant.code` when they are called.
 """
 
 from typing import TYPE_CHECKING, Any

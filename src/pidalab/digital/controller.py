@@ -1,4 +1,4 @@
-"""The digital controller: its states, its step, its transfer function, and the methods that write its code."""
+"""The digital controller: states, step, transfer function, and written code."""
 
 from __future__ import annotations
 
@@ -30,9 +30,11 @@ class DigitalController(Parameters):
     .. math:: u_k = \operatorname{sat}(\mathrm{bias} + p_k + i_k), \qquad
               i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
 
-    where p is the sum of the outputs of the paths and :math:`\varepsilon` the error. With automatic reset, the second
-    formula has :math:`p_k` in place of :math:`\varepsilon_k`, and :math:`u_{k-1} - \mathrm{bias} - i_{k-1}` (less any
-    feedforward) in place of :math:`\varepsilon_{k-1}`.
+    where p is the sum of the outputs of the paths and :math:`\varepsilon` the error. With automatic reset,
+
+    .. math:: i_k = i_{k-1} + \gamma_0\,p_k + \gamma_1\,(u_{k-1} - \mathrm{bias} - f_{k-1} - i_{k-1}),
+
+    where f is the feedforward signal, if any.
 
     In manual mode the control signal is the given value, and the integral tracks this value. ``step`` stores its states
     in the object; simulations do not change these states.
@@ -52,7 +54,8 @@ class DigitalController(Parameters):
     growth : tuple of float
         :math:`\gamma_0, \gamma_1`.
     back_calculation_gain, tracking_gain : float
-        Gains from (limited - unlimited control signal), and from (tracked - control signal), to the integral.
+        Gains of two differences that correct the integral. The first is the limited minus the unlimited control signal,
+        and the second is the tracked signal minus the control signal.
     anti_windup : str or None
         Treatment of the integral while the control signal is at a limit.
     weights : tuple of float
@@ -162,7 +165,7 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart at rest at the given signals, or at the signals of the next call of ``step``.
+        """Restart at rest, with the given r and y or with those of the next call of ``step``.
 
         Parameters
         ----------
@@ -212,7 +215,7 @@ class DigitalController(Parameters):
         Raises
         ------
         TypeError, ValueError
-            If a controller is not tunable, or if the two controllers differ in more than their gains.
+            If one of the two controllers is not tunable, or if they differ in more than their gains.
 
         Examples
         --------
@@ -245,12 +248,12 @@ class DigitalController(Parameters):
         """Advance the controller by one sample, exactly as the written code does.
 
         The first call starts without a bump: filters and integral are at rest at the given signals, and `bias` is
-        returned (bias + p without integral action). To start at rest at the working point, as
+        returned. A controller without integral action returns bias + p. To start at rest at the working point, as
         `pidalab.simulate_sampled` does, call ``reset(r=y_offset, y=y_offset)`` first.
 
         A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped, and ``fault`` is True. Filters
-        and integral keep their values. If `manual` is given and valid, it is returned, else the last control signal.
-        The next valid sample continues from these values.
+        and integral keep their values. The step returns a valid `manual` or, without one, the last control signal. The
+        next valid sample continues from there.
 
         Parameters
         ----------
@@ -302,7 +305,7 @@ class DigitalController(Parameters):
 
     @property
     def at_limit(self) -> bool:
-        """True if a limit of range or rate cut off a part of the latest control signal."""
+        """True if `limits` or `rate_limit` changed the latest control signal."""
         return bool(self._states.at_limit)
 
     def __call__(self, z: ArrayLike) -> Any:
@@ -355,8 +358,8 @@ class DigitalController(Parameters):
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
             Entries of the comment at the top: ``margins`` of the loop, a text as ``note``, the ``time_unit`` of the
-            sample time, and the name (``record``) and ``date`` of the record. Only letters, digits and usual
-            punctuation marks of the texts are kept.
+            sample time, and the name (``record``) and ``date`` of the record to which the model was fitted. Only
+            letters, digits and usual punctuation marks of the texts are kept.
 
         Returns
         -------

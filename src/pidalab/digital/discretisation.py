@@ -98,15 +98,15 @@ def discretise(
         Filter of the set point, stable and of static gain 1. It also runs in manual mode, and starts at rest at the
         first set point.
     output_filter : OutputFilter or control.TransferFunction, optional
-        Filter of the control signal, which must consist of equal lags of gain 1. It becomes a part of the controller.
+        Equal lags of gain 1 that filter the control signal. They become a part of the controller.
     feedforward : bool, optional
-        True if ``step`` and the written code have a further input that is added to the control signal before the
-        limits.
+        True if ``step`` and the written code have a further input. It is added to the control signal, which is then
+        limited.
     tunable : bool, optional
         True if the gains may change without a bump while the controller runs. The gains are variables in the written
         code. In Python, ``retune`` changes them.
     reset : tuple of FilteredGains and float, optional
-        Stabilising controller and time constant of an automatic reset.
+        For an automatic reset: the controller without the reset, and the time constant of the reset.
     source : str, optional
         Description of the controller, for the head of written code.
 
@@ -124,8 +124,7 @@ def discretise(
     Warns
     -----
     UserWarning
-        If the sample time exceeds the integral time of the controller, or its derivative time if it has no integral
-        action.
+        If the sample time exceeds the integral time or, without integral action, the derivative time.
 
     Examples
     --------
@@ -138,7 +137,7 @@ def discretise(
     take method='backward', a shorter sample time or a longer time constant
     """
     if not isinstance(parts, tuple) or not all(isinstance(part, FilteredGains) for part in parts):
-        raise TypeError(f"parts must be those of controller.parts(), found {parts!r}")
+        raise TypeError(f"parts must be the result of controller.parts(), found {parts!r}")
     h = _check.real("sample_time", sample_time, above=0.0)
     _check.choice("method", method, METHODS)
     anti_windup = anti_windup_word(anti_windup, DISCRETE_ANTI_WINDUP, "for a digital controller")
@@ -217,7 +216,7 @@ def equal_lags(output_filter: Any) -> tuple[float, int]:
 
 
 def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float], float]:
-    """Return the gains of an automatic reset on the present and previous signal, and its back-calculation gain."""
+    """Return three gains of an automatic reset: for the present signal, the previous signal, and back-calculation."""
     if method == "backward":
         return (h / ti, 0.0), h / (ti + h)
     if method == "tustin":

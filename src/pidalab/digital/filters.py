@@ -10,9 +10,9 @@ of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
-which is the j-th difference that ends at the last state. Lags with different time constants also form one chain, in
-which a derivative needs gains on lower differences, too. These formulas apply to the methods *backward* and *tustin*,
-which substitute an expression for s. The method *zoh*, which is exact for a held input, uses other gains.
+which is the j-th difference of the last j + 1 states. Lags with different time constants also form one chain. The j-th
+derivative then also needs gains on differences of orders below j. These formulas apply to the methods *backward* and
+*tustin*, which substitute an expression for s. The method *zoh*, exact for a held input, uses other gains.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            increment of the integral of e in a sample
@@ -24,12 +24,12 @@ zoh        0                        1 - exp(-h/T_F)        :math:`h\,e_{k-1}`
 
 *Prefilter.* Let :math:`\tau` be the geometric mean of the time constants of the prefilter, and :math:`p = 1 + \tau s`.
 The denominator is written as a polynomial of p, and the states are
-:math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)` for i < n. At rest all states equal the set point r, and
+:math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)` for i < n. At rest all states equal the set point r, so
 :math:`\dot x = A (x - r)`. Each method moves the states in proportion to their distances from a target :math:`v_k`,
 
 .. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
 
-so the static gain is exactly 1 even in single precision.
+so the static gain is again exact.
 
 =========  ====================================  =================================
 method     M                                     target v_k
@@ -61,7 +61,7 @@ SERIES_TERMS = 60
 
 
 class FilterChain(NamedTuple):
-    """A chain of lags driven by ``weight * r - y``, with gains on its differences.
+    """A chain of lags driven by ``weight * r - y``, with gains on the differences between its states.
 
     Attributes
     ----------
@@ -72,8 +72,7 @@ class FilterChain(NamedTuple):
     new, old : tuple of float
         g_0 and g_1 of each lag.
     gains : tuple of float
-        For n lags: the gain on the last state, then the gains on the differences of order 1 to n that end at this
-        state.
+        The gain on the last state, then for m = 1, 2, ... the gain on the m-th difference of the last m + 1 states.
     """
 
     name: str
@@ -127,7 +126,7 @@ def _product(factors: Sequence[Array]) -> Array:
 def filter_chains(
     parts: tuple[FilteredGains, ...], behind: tuple[float, int], h: float, method: str, b: float, c: float
 ) -> tuple[FilterChain, ...]:
-    """Discretise the parts of a controller in series with an output filter of equal lags.
+    """Discretise the parts of a controller, each in series with an output filter of equal lags.
 
     `behind` contains the time constant and the number of these lags.
     """
@@ -185,7 +184,8 @@ def _by_weight(
     ki, kp, *derivatives = (*part.gains, 0.0, 0.0)[: max(2, len(part.gains))]
     if b == c == 1.0 or not filtered:
         return [("", b if kp and not filtered else 1.0, part.gains)]
-    # With other weights, the filtered integral needs a separate chain of lags, which corrects the pure integral.
+    # If a weight differs from 1, the filtered integral is the pure integral plus the output of a separate chain of
+    # lags.
     split = [
         ("_integral", 1.0, (ki,)),
         ("_proportional", b, (0.0, kp)),
@@ -201,11 +201,12 @@ def _on_differences(gains: tuple[float, ...], lags: Array) -> Array:
     ki, *others = gains
     n = lags.size
     result = np.zeros(n + 1)
-    # K_-1/(s prod (1 + T_i s)) equals K_-1/s - K_-1 sum T_i x_i, and x_i is (1 + difference)^(n - i) x_n.
+    # The filtered integral K_-1/(s prod (1 + T_i s)) equals K_-1/s - K_-1 sum T_i x_i. The state x_i equals
+    # (1 + difference)^(n - i) x_n.
     for i, time in enumerate(lags, start=1):
         result[: n - i + 1] -= ki * time * np.array([math.comb(n - i, m) for m in range(n - i + 1)])
-    # Row i of `level` expresses (T_1 s)^k x_i by differences that end at x_i. Each step uses
-    # s x_i = (x_(i-1) - x_i)/T_i.
+    # Row i of `level` expresses (T_1 s)^k x_i by differences that end at x_i. The step from k to
+    # k + 1 uses s x_i = (x_(i-1) - x_i)/T_i.
     level = np.eye(1, n + 1).repeat(n + 1, axis=0)
     for k, gain in enumerate(others):
         if gain:
@@ -220,8 +221,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     r"""Convert gains on a continuous chain with a held input to equivalent gains on differences of discrete lags.
 
     At the samples both chains have the poles :math:`p_i = e^{-h/T_i}`. The states of the continuous chain are a matrix
-    T times the states of the discrete chain. With the transition matrix A for one sample, column i + 1 of T is
-    proportional to :math:`(A - p_i)` times column i.
+    T times the states of the discrete chain. Column i + 1 of T is proportional to :math:`(A - p_i)` times column i,
+    where A is the transition matrix for one sample.
 
     Parameters
     ----------
@@ -241,8 +242,8 @@ def held_gains(gains: Array, lags: Array, h: float) -> Array:
     rates = h / lags
     poles, shares = np.exp(-rates), -np.expm1(-rates)
     fastest = rates.max(axis=-1)[..., None]
-    # Shift the diagonal of the generator of input and states to 0 or above, so that the exponential series has no
-    # cancellation.
+    # Add a constant to the diagonal of the system matrix (the first row belongs to the held input, the others to the
+    # states). Then no element is negative, and the exponential series has no cancellation.
     shifted = np.zeros((*lags.shape[:-1], n + 1, n + 1))
     diagonal, after = np.arange(n + 1), np.arange(1, n + 1)
     shifted[..., diagonal, diagonal] = fastest - np.insert(rates, 0, 0.0, axis=-1)
@@ -288,9 +289,9 @@ class Prefilter(NamedTuple):
     new, old : float
         Weights of the present and the previous set point in the target v_k.
     move : tuple of tuple of float
-        M, row by row.
+        The matrix M, row by row.
     out : tuple of float
-        Gains on (state - set point). The output is the set point plus the sum of these products.
+        Gains on (state - set point). The output is the set point plus the sum of gain * (state - set point).
     """
 
     num: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""Print the statements of a step in a language, and compile the Python form for use in this process.
+"""Print the statements of a step in a programming language. The Python form can also be run at once.
 
 The other languages, and the files that contain a step, are in `pidalab.plant.code`.
 """
@@ -38,7 +38,7 @@ PYTHON = Language(
 
 
 def function(program: Program) -> Callable[..., float]:
-    """Return the step as a function. Its arguments are an object with the states, which it changes, and the inputs.
+    """Return the step as a function of an object and the inputs. The function stores the states in the object.
 
     The executed text contains nothing from a file or a user. All names come from `program`, and constants are passed as
     values instead of text.

@@ -13,7 +13,7 @@ from pidalab import _check
 from pidalab.digital.filters import METHOD_WEIGHTS, METHODS, FilterChain, Prefilter, discrete_prefilter
 
 ANTI_WINDUP = ("reset", "back-calculation", "clamping", "conditioning", None)
-DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)  # words for a digital controller
+DISCRETE_ANTI_WINDUP = ("reset", "back-calculation", "clamping", None)
 LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
 LARGEST_PARAMETER = 1e9  # largest magnitude of a gain, if the gains may change while the controller runs
 LARGEST_CONSTANT = 1e15  # with signals up to 1e9, larger constants could overflow in single precision
@@ -26,7 +26,7 @@ SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 b
 class Parameters:
     """Fields of a `DigitalController`, which documents them.
 
-    Every field is checked, so that only checked numbers and text reach code that is written or run.
+    Every field is checked before it reaches code that is written or run.
     """
 
     sample_time: float
@@ -138,7 +138,7 @@ def _path(name: str, path: Any) -> FilterChain:
         raise ValueError(f"{name} needs one more gain than lags, found {len(gains)} gains, {len(new)} lags")
     for pair in zip(new, old, strict=True):
         if not (min(pair) >= 0.0 and 0.0 < sum(pair) <= 1.0 + SHARE_ROUNDING):
-            raise ValueError(f"{name} must have coefficients of lags from 0 to 1, found {pair}")
+            raise ValueError(f"{name} must have lag coefficients >= 0 with 0 < sum <= 1, found {pair}")
     return FilterChain(path.name, _constant(f"{name}.weight", path.weight), new, old, gains)
 
 

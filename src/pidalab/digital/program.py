@@ -72,9 +72,9 @@ class Program(NamedTuple):
     states : dict
         Initial values by name. `started` is true after the first sample.
     variables : dict
-        Types of the variables within a step by name: "real" or "bool".
+        Types of the variables that exist only within a step, by name: "real" or "bool".
     checks : list
-        Statements that set `fault` if a required input is not a valid number.
+        Statements that set `fault` if an input or a variable gain is invalid.
     skipped : list
         Statements for a sample with a fault.
     body : list
@@ -127,8 +127,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    If `block` is true, a filter outside the program computes `summed` from the error. The result is cached and shared,
-    so do not change it.
+    If `block` is true, code outside the program computes `summed`, the sum of the outputs of all chains, from the
+    error. The program is cached and shared, so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}
@@ -255,7 +255,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     more = " or with new gains" * k.tunable
     body: list[Statement] = [
         Note("forced: the control signal is manual_value in manual mode, and keeps its value otherwise"),
-        Note(f"follow remembers that a sample was skipped in manual mode{more}"),
+        Note(f"follow is true after a sample was skipped in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
         If("not started", [Set("forced", "true")]),
@@ -264,7 +264,7 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
     if _remembers(k):
         body.append(Set("old", f"limited{_less_bias(named)} - integral_part" if k.from_signal else "error"))
     if k.anti_windup == "clamping ahead":
-        # The error of this sample enters the integral in the next sample. Therefore this error is clamped too.
+        # The present error enters the integral only in the next sample, so clamp the error now.
         body.append(If("(limited - wanted) * INTEGRAL_OLD * error < 0.0", [Set("old", "0.0")]))
     return body
 
@@ -284,8 +284,7 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # If an increment would drive the signal beyond the limit, reduce the increment to the remaining range. If
-    # the integral were stopped instead, it could remain locked.
+    # Only reduce the increment: an integral that is stopped could remain locked.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [
@@ -414,7 +413,7 @@ def _path_statements(path: FilterChain, i: int, named: dict[str, float]) -> list
         for j in range(1, n + 1):
             x = f"{name}_{j}"
             body.append(Set(x, f"{x} + {_share(path, i, 'NEW', j)} * ({level[j - 1]} - {x})"))
-    elif n:  # update the last lag first, since each needs the previous state of its predecessor
+    elif n:  # update the last lag first, since each lag needs the old state of the lag before it
         for j in range(n, 0, -1):
             x = f"{name}_{j}"
             body.append(Set(x, f"{x} + {_share(path, i, 'OLD', j)} * ({name}_{j - 1} - {x})"))

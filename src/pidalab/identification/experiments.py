@@ -23,7 +23,7 @@ MOST_ENDS = 400  # a ramp is fitted to at most this number of intervals, which a
 # A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
 NOISY = 0.01  # single samples mislead if noise / (whole change) is above this
-# If the gain of the record exceeds that of the model by more than this share, Ms is clearly larger with the process.
+# If `excess_gain` is above this, Ms is clearly larger with the process than with the model.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -196,8 +196,8 @@ def ipdt_tangent(
     span : float, optional
         Length of the segment in time, rounded to whole steps of t. The default is one sample interval, which suits a
         record without noise. The relative errors of slope and dead time are then of the order of the squared sample
-        time, or of the sample time if the record is steepest at a corner. For a noisy record give a longer `span`, to
-        which a line is fitted by least squares. For a Record with noise the default is a third of the rise time.
+        time, or of the sample time if the record is steepest at a corner. For a noisy record give a longer `span`.
+        A line is then fitted by least squares. For a Record with noise the default is a third of the rise time.
 
     Returns
     -------
@@ -333,7 +333,7 @@ def ipdt_least_squares(
 
     Notes
     -----
-    The paper prints no formula for its criterion. Its words are followed here: least squares, largest gain.
+    The paper gives its criterion without a formula, only in words: least squares, largest gain.
 
     Examples
     --------
@@ -396,7 +396,7 @@ def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> 
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record, which contains them")
         times, response = t.after_step()
-        response[0] = 0.0  # after_step subtracts a mean, which is more accurate than the first sample
+        response[0] = 0.0  # use the rest level, which is more accurate than the first sample
         change = abs(float(np.mean(response[-max(1, response.size // 10) :])))
         noise = t.noise.deviation / abs(t.step.after - t.step.before)
         if noise > NOISY * change:

@@ -33,18 +33,18 @@ from pidalab.robustness.margins import max_sensitivity
 from pidalab.rules import Design
 from pidalab.simulation.exact import load_response, simulate_until_settled
 
-HIGHEST_ORDER = 4  # highest order of a controller
+HIGHEST_ORDER = 4
 ACTIVE = 1e-3  # a limit is active if the relative distance to it is below this
 NEGLIGIBLE_ACTION = 1e-6  # an action is dropped if it is below this number times the largest action
 UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; a low noise limit needs large factors
-SLOWEST_SAMPLING = 100.0  # largest sample time, divided by the shortest unit of time
-# If the IAE of the search differs from the simulated IAE by more than this relative amount, the unit of time is too
-# short.
+SLOWEST_SAMPLING = 100.0  # largest allowed sample time, divided by the `unit_of_time` of the process
+# If the simulated IAE exceeds the IAE of the search by this fraction or more, the unit of time is too short.
 SAME_IAE = 0.02
-VALLEY_REACH = 2.0  # local optima with a value up to this multiple of the best value are reported
+VALLEY_REACH = 2.0  # local optima are reported if their IAE is below this number times the best IAE
 BEST = 3  # number of descents whose ends are refined
 SAME_END = 1e-4  # a result from random starts is refined if its IAE is below (1 + this) * the best IAE
-# Standard deviations of the logarithms of gains and filter time, for the random starts of the last descents.
+# Each pair belongs to a random start of the last descents: standard deviation of the logarithms of the gains, and
+# standard deviation of the logarithm of the filter time.
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
 
@@ -52,7 +52,7 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # IAE of local optima in units of time of the problem, the least first, up to VALLEY_REACH times the least
+    # IAE of the local optima below VALLEY_REACH times the least IAE, in rising order, in units of time of the problem
     valleys: tuple[float, ...]
 
 
@@ -128,8 +128,8 @@ def load(
     -----
     The search is deterministic and has many starts, but it does not prove a global optimum. Its result satisfies the
     conditions of a local optimum: the active limits hold with equality, and the Lagrangian is stationary. The search
-    with a family first finds the optimum for the process alone. It then adds the worst plants until Ms is at most
-    `ms_worst` with every plant.
+    with a family first finds the optimum for the process alone. It is then repeated with the worst plants added, until
+    Ms is at most `ms_worst` with every plant.
 
     Examples
     --------
@@ -199,7 +199,7 @@ def least_iae(
         raise ValueError(f"mks must be above 1/|P(0)| = {1 / abs(static):.4g}, found {limits.mks:g}")
     if any(sign_of_gain(plant) != sign_of_gain(process) for plant in limits.family):
         raise ValueError(
-            "family must have gains of the sign of the process: no controller stabilises plants of both signs"
+            "family must have gains of the same sign as process: no controller stabilises gains of both signs"
         )
     searches: list[Search] = []
     best = _best(process, order, limits, searches, start)
@@ -219,10 +219,10 @@ def _best(
 
     Notes
     -----
-    The kinds of starts (`ways`) are the given design, candidates that keep the limits, and candidates that are moved
-    until they keep the limits. Each kind is tried with increasing units of time, until the IAE of the search agrees
-    with the simulated IAE to `SAME_IAE`. The family is considered only after a search for the process alone, since
-    `ms_worst` is rarely active.
+    There are three kinds of starts (`ways`): the given design, candidate controllers that keep the limits, and
+    candidates that are moved until they keep the limits. Each kind is tried with increasing units of time, until the
+    IAE of the search agrees with the simulated IAE to `SAME_IAE`. The family is considered only after a search for the
+    process alone, since `ms_worst` is rarely active.
     """
     import scipy.optimize  # noqa: F401  # loads scipy's BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
@@ -276,7 +276,7 @@ def _best(
 
 
 def _refusal(searches: list[Search]) -> str:
-    """Return the message of the error if no design was found."""
+    """Return the error message for a failed search."""
     first = searches[0]
     order, limits = first.problem.order, first.limits
     wanted = str(limits)
@@ -308,7 +308,7 @@ def _nearest(search: Search, x: Array) -> str:
 
 
 def _peaks(loop: Loop) -> dict[str, float]:
-    """Return all suprema of a loop that may be limited, and the disk margin."""
+    """Return the disk margin of a loop, and all suprema on which a limit can be set."""
     suprema = {name: peak(loop)[0] for name, peak in SUPREMA.items()}
     return {**suprema, "disk": 1 / suprema["inverse_disk"]}
 

@@ -41,18 +41,18 @@ SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
 }
 ROOM = 1e-9  # relative allowance for rounding at a limit
 NEAR_LIMIT = 0.05  # a peak is near its limit if log(height / limit) > -NEAR_LIMIT
-FREQUENCY_STEP = 1e-5  # relative step in frequency for the curvature of a peak
+FREQUENCY_STEP = 1e-5  # relative step of the frequency in the difference quotient for the curvature of a peak
 PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
 # Largest and least step of the differences for second derivatives, in scaled variables.
 SPACING, LEAST_SPACING = 1e-4, 1e-6
 # The iteration ends after MOST_NEWTON_STEPS steps, or after a step shorter than LAST_STEP. Its result is accepted if
 # the last step is shorter than LARGEST_LAST_STEP.
 MOST_NEWTON_STEPS, LAST_STEP, LARGEST_LAST_STEP = 25, 1e-9, 1e-4
-SMALL_STEP = 1e-3  # after a step shorter than this, second derivatives are kept if the steps shrink quickly
-# Largest and least radius of the trust region. Steps shorter than LOCAL_STEP count as near the end.
+SMALL_STEP = 1e-3  # see `polish`
+# Largest radius of the trust region, length of a local step (see `polish`), and least radius of the trust region.
 LARGEST_TRUST, LOCAL_STEP, LEAST_TRUST = 0.5, 0.1, 1e-6
 LEAST_UNIT = 1e-9  # least scale factor of a gain
-# Kinds of peaks of the process (see `Peaks`).
+# Number of kinds of peaks in the loop with the process (see `Peaks`).
 NOMINAL = len(PEAKS)
 
 
@@ -69,7 +69,7 @@ class Peaks:
     """Heights of peaks, as smooth functions of the unknowns.
 
     The kind of a peak is a number. Kinds below `NOMINAL` are indices of `PEAKS`: these peaks belong to the loop with
-    the process. Each active plant of the family has one further kind, for the peaks of |S| of its loop.
+    the process. Each active plant of the family has one further kind, for the peaks of |S| with this plant.
     """
 
     def __init__(self, search: Search) -> None:
@@ -114,7 +114,7 @@ class Peaks:
         return value, turn
 
     def near(self, x: Array) -> tuple[Any, Array]:
-        """Return the kinds of the peaks near their limits, and their frequencies on the grid."""
+        """Return the kind of each peak near its limit, and the frequency of each peak on the grid."""
         heights = self.log_heights(x)
         inner = heights[:, 1:-1]
         kinds, i = np.nonzero((inner > heights[:, :-2]) & (inner >= heights[:, 2:]) & (inner > -NEAR_LIMIT))
@@ -201,13 +201,13 @@ class Lagrangian:
         return slack, self.scaled.slopes(x, by_x)
 
     def refined_peaks(self, z: Array) -> tuple[Array, Array]:
-        """Return the kinds of the peaks near their limits, and their exact frequencies."""
+        """Return the kind of each peak near its limit, and the exact frequency of each peak."""
         x = self.scaled.back(z)
         kinds, w = self.peaks.near(x)
         return kinds, self.peaks.refine(x, kinds, w, self.peaks.bend(x, kinds, w))
 
     def violation(self, z: Array) -> tuple[float, float]:
-        """Return log IAE and the sum of all violations. Return infinity for both if the loop is unstable."""
+        """Return log IAE and the sum of all violations, or two infinities if the loop is unstable."""
         x = self.scaled.back(z)
         if not np.all(np.isfinite(x)) or self.search.problem.unstable(x):
             return math.inf, math.inf
@@ -241,7 +241,7 @@ def polish(search: Search, x: Array) -> Polished | None:
     * Far from the end, a step is accepted only if it does not raise value + penalty * violation. The penalty is at
       least twice the largest multiplier.
     * A step is near the end if it is shorter than both `LOCAL_STEP` and half of the preceding step. Such a step is
-      accepted, and the iteration ends when a step is shorter than `LAST_STEP`.
+      accepted if the loop stays stable. The iteration ends when a step is shorter than `LAST_STEP`.
     * Second derivatives are computed again (`stale`) if the last step is longer than `SMALL_STEP` or longer than a
       tenth of the step before it.
     * Second derivatives are computed from the response with few samples (`search.iae`), until a step is longer than 0.3
@@ -338,8 +338,8 @@ def solve_qp(
 ) -> tuple[Array, Array] | None:
     """Return the step that minimises a quadratic function, and the multipliers of the limits.
 
-    The step satisfies rows @ step >= -slack, and no element of the step exceeds `trust` in size. The problem is solved
-    as a least-distance programme [LaH95]_. Return None if it has no solution.
+    The step satisfies rows @ step >= -slack, and no element of the step exceeds `trust` in size. Return None if no
+    such step exists.
     """
     from scipy.optimize import nnls
 
@@ -348,7 +348,7 @@ def solve_qp(
     slack = np.concatenate([slack, np.full(2 * size, trust)])
     root = np.linalg.cholesky(hessian)  # hessian = root root^T
     best = np.asarray(-np.linalg.solve(hessian, slope), dtype=float)
-    turned = np.linalg.solve(root, rows.T)  # a limit in each column; in these coordinates the Hessian is I
+    turned = np.linalg.solve(root, rows.T)  # limits as columns, in coordinates with identity Hessian
     wanted = -slack - rows @ best
     if np.all(wanted <= 0):
         return best, np.zeros(slack.size - 2 * size)
@@ -396,7 +396,7 @@ def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished
 
 
 def _safe(search: Search, x: Array) -> bool:
-    """Return True if all plants of the family keep `ms_worst`. Otherwise add the worst plants to the next descents."""
+    """Return True if Ms is at most `ms_worst` with all of the family. Otherwise add the worst plants to the search."""
     loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)

@@ -8,8 +8,8 @@ closed forms exist at each frequency:
 
 A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
 with exact dead time. The integral of the error is positive and known exactly. The IAE is this integral plus twice the
-area where the error is negative. This area is computed with straight lines between samples, so that its slope is
-continuous, as Newton's method requires.
+area where the error is negative. This area is computed with straight lines between samples. So its
+gradient is continuous, as Newton's method requires.
 
 The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
 is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. Let ln C change by c, and ln P by p. Then the logarithm of
@@ -22,7 +22,7 @@ a                  -T         S           S          -2 L/(1 - L²)
 b                  -T         -T          S          -2 L/(1 - L²)
 =================  =========  ==========  =========  =====================
 
-The table gives the slopes with respect to the gains (with p = 0) and with respect to the frequency.
+A change of the gains has p = 0. A change of frequency has both c and p.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from pidalab.roots import roots
 
 SEARCH_SAMPLES = 2048  # number of samples of a response
 DAMPING = 3.0  # the inverse transform runs along Re s = DAMPING / horizon
-REST = 1e-3  # allowed relative error of the integral that the transform gives
+REST = 1e-3  # the integral over the horizon may exceed the exact integral by this fraction
 
 GAIN_UNITS = (0.1, 1.0)  # least and largest scale factor of a gain in a descent
 BARRIER = 1e9  # value of the objective for an unstable loop
@@ -50,7 +50,7 @@ BARRIER = 1e9  # value of the objective for an unstable loop
 # A line search needs only values, so slopes are functions that are called on request.
 Slope = Callable[[], Array]
 PEAKS = ("ms", "mks", "mt", "inverse_disk")  # the supremum of |S - T|/2 is the inverse of the disk margin
-MS, MKS, MT, INVERSE_DISK = range(4)  # kinds of heights
+MS, MKS, MT, INVERSE_DISK = range(4)  # the kind of a height is its index in PEAKS
 
 
 def numerator(kind: int, controller: Any, L: Any) -> Any:
@@ -74,7 +74,10 @@ def turned(f: Any) -> float:
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Add to w the frequencies up to `end` at which a dead time turns the phase by given angles, and sort."""
+    """Add to w the frequencies below `end` at which a dead time turns the phase by `angles`, and sort.
+
+    By default `end` is the last frequency of w.
+    """
     turns = angles / delay if delay else np.zeros(0)
     return np.sort(np.append(w, turns[turns < (w[-1] if end is None else end)]))
 
@@ -132,7 +135,7 @@ class Problem:
         return controller, lambda: np.vstack([by_gains, (self.order + 1) * (lag - 1) * controller])
 
     def iae(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
-        """Return a function of the unknowns that returns the IAE of a step of the load and its gradient.
+        """Return a function that computes the IAE of a load step and its gradient from the unknowns.
 
         The IAE has the unit of time of the problem. After the horizon, the error is assumed not to change its sign.
         """
@@ -193,10 +196,10 @@ class Problem:
         return abs(turned(np.append(f, self.process.den[0]))) > 0.5 * np.pi
 
     def slack(self, w: Array, most: dict[str, float], process: Process | None = None) -> Any:
-        """Return a function of the unknowns that computes the slack of limits at frequencies w, with its gradient.
+        """Return a function that computes the slack of limits at frequencies w, and its gradient, from the unknowns.
 
-        `most` contains limits of `PEAKS` by name. A given `process` replaces the process of the problem. With
-        r = (height / limit)^2, the slack is 1/r - 1 for |S|, and (1 - r)/(1 + r) for the other heights.
+        `most` contains the limits by their names in `PEAKS`. A given `process` replaces the process of the problem.
+        With r = (height / limit)^2, the slack is 1/r - 1 for |S|, and (1 - r)/(1 + r) for the other heights.
         """
         s = 1j * w
         plant, actions = (process or self.process)(s), self._actions(s)
@@ -224,7 +227,7 @@ class Problem:
 
 
 def _other_side(error: Array) -> tuple[float, Array]:
-    """Return the area of the negative part of an error in time steps, and its derivatives by the samples."""
+    """Return the area of the negative part of an error, for a time step of 1, and its derivatives by the samples."""
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -245,7 +248,7 @@ class CachedValueAndSlope:
         self.both, self.place = both, b""
 
     def _at(self, x: Array) -> tuple[Any, Any]:
-        if x.tobytes() != self.place:  # comparing bytes takes a tenth of the time of comparing arrays
+        if x.tobytes() != self.place:  # comparing bytes is faster than comparing arrays
             self.place, self.last = x.tobytes(), self.both(x.copy())
         return self.last
 
@@ -304,7 +307,7 @@ class SampledNoise:
     problem : Problem
         Problem that defines the unknowns.
     sample_time : float
-        Sample time of controller and noise. The filter time must not be shorter.
+        Sample time of controller and noise. The filter time must be at least this time.
     density : int, optional
         Factor of the number of frequencies. With 1 the result has four digits.
 
@@ -368,7 +371,8 @@ class SampledNoise:
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
-        self.actions[0, 1 : n + 1] = -1.0  # for K_-1: filtered 1/s minus 1/s, which is added later
+        # Row 0 is (filtered integral) - 1/s, since `_controller` adds 1/s.
+        self.actions[0, 1 : n + 1] = -1.0
         self.by_time[0, n + 1] = -n
         for k in range(n):
             for j in range(k + 1):
@@ -411,10 +415,7 @@ class SampledNoise:
 
 
 def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
-    """Return frequencies up to half the sampling frequency.
-
-    They are dense enough to follow the phase of the dead time.
-    """
+    """Return frequencies up to half the sampling frequency, dense enough for the phase of the dead time."""
     top = np.pi / h
     lowest = min(1e-4 / time, 1e-3 / h)
     w = np.append(np.geomspace(lowest, top, 400 * density), np.linspace(0.01 * top, top, 250 * density))
@@ -425,12 +426,12 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 
 
 # The unit of time is 1/w_u. At the frequency w_u the phase of the process falls to CORNER. With several integrators, it
-# is INTEGRATORS_TURN below the phase of the integrators there.
+# falls to the phase of the integrators minus INTEGRATORS_TURN.
 CORNER = -0.75 * math.pi
 INTEGRATORS_TURN = 0.25 * math.pi
 # A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the result of `_loudest`.
 NOISE_SLOWDOWN = 8.0
-QUIET_SHARE = 0.1  # proportional gain divided by the noise limit, if nothing else determines the unit
+QUIET_SHARE = 0.1  # for pure integrators, the assumed proportional gain divided by the noise limit
 
 
 def unit_of_time(process: Process, limits: Requirements) -> float:

@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
-filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. Each of
-its controllers has equal zeros below a chosen crossover frequency.
+filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. Its
+controllers have equal zeros below a chosen crossover frequency.
 """
 
 from __future__ import annotations
@@ -42,12 +42,13 @@ VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
 SPARE = 2e-5
 # Frequencies around a peak, divided by the frequency of the peak.
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
-BETWEEN = 0.01  # a frequency is not added if the relative distance to an existing frequency is below this
+# With `nearly`, `look_at` ignores a peak if the grid has a frequency within this fraction of the peak's frequency.
+BETWEEN = 0.01
 NEARLY = 1e-4  # allowed violation of a limit during the search
-ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # iterations and tolerance of an intermediate and of a final descent
+ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # (iterations, tolerance) of intermediate and final descents
 # Largest number of successive descents. A descent is long if log IAE falls by more than LONG_DESCENT.
 AGAIN, LONG_DESCENT = 4, 0.2
-FINER = 12  # number of frequencies for the final noise gain, divided by the number for the search
+FINER = 12  # the final noise gain is computed with this many times the frequencies of the search
 
 
 class Search:
@@ -87,7 +88,7 @@ class Search:
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
         """Return the best start at another filter time.
 
-        The candidates are the last optimum x, x with less derivative action, and the first start.
+        Three kinds of starts are compared: the first start, the last optimum x, and x with less derivative action.
         """
         count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
@@ -190,7 +191,7 @@ class Search:
             self.active.append(k)
 
     def true_noise(self, x: Array) -> float:
-        """Return the noise gain of the sampled loop, 0 if it is not limited, or infinity if the loop is unstable."""
+        """Return the noise gain of the sampled loop, 0 without a limit on noise, or infinity for an unstable loop."""
         return 0.0 if self.exact_noise is None else self.exact_noise.gain(x)
 
 
@@ -240,7 +241,7 @@ GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)
 INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)
 DERIVATIVES = (0.0, 1.0, 5.0)
 FILTERS = (-4.0, -2.0, 0.0)
-# Second family: the crossover w_c, w_c / (zeros of the controller), and (corner frequency of the filter) / w_c.
+# Second family: crossover frequency w_c; w_c divided by the zeros; corner frequency of the filter divided by w_c.
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
@@ -248,11 +249,11 @@ INSIDE = -1e-3  # `relax` stops when every limit is kept with this margin (a neg
 TRIED = 60  # number of candidates whose stability is checked
 # Largest number of starts, and least distance between two starts (see `_apart`).
 STARTS, START_GAP = 6, np.log(4.0)
-NEAREST = 4  # number of violating candidates from which `approached` tries to reach the limits
+NEAREST = 4  # `approached` tries to reach the limits from this number of candidates
 
 
 def feasible_starts(search: Search) -> list[Array]:
-    """Return different stable candidates that keep all limits, the least IAE first."""
+    """Return clearly different, stable candidates that keep all limits, in the order of rising IAE."""
     constraints = search.constraints()
     kept = [x for x in _ranked(search) if search.violation(x, constraints) == 0]
     chosen: list[Array] = []

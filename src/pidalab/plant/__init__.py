@@ -4,8 +4,8 @@ The steps are::
 
     Record -> fit -> tune -> discretise -> code
 
-`report` compares candidates, and `check` judges the gains of a running controller. The library imports this package
-only when one of its names is used.
+`report` compares PI, PID and PIDA, and `check` judges the gains of a running controller. The library imports this
+package only when one of its names is used.
 """
 
 from lazy_loader import attach_stub

@@ -30,7 +30,7 @@ from pidalab.simulation.exact import simulate
 # For each suggested set of gains: largest Ms, and (noise gain) / (present noise gain).
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
 PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
-CLEARER = 0.8  # a fitted load is used only if (residuals with it) / (residuals without load) is below this
+CLEARER = 0.8  # a fitted load is used only if (residuals with load) / (residuals without load) is below this
 CLEAR_MOVE = 20.0  # the output must move by this number of standard deviations of the noise
 COLOURED = 3.0  # if `samples_per_error` is at least this, the residuals are not white noise
 EXPLAINED = 0.8  # a doubt is given if the share from `explained_by` is below this
@@ -103,10 +103,10 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step over that of the best gains of the same kind, Ms and noise gain, in %.
+        """How much the IAE of a load step exceeds that with the best gains of equal kind, Ms and noise gain, in %.
 
         The loss is negative if the running gains are better than all gains that the search found. (The search uses no
-        filter faster than the sample time.) If the search found none, the loss is nan.
+        filter faster than the sample time.) If the search found no gains, the loss is nan.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -144,7 +144,7 @@ def check(
 ) -> Check:
     r"""Judge the gains of a running loop by its log, or by an experiment with its plant.
 
-    The plant is fitted from the logged u to y, in open or closed loop. The log must contain a change of the set point,
+    A model from u to y is fitted to the log, in open or closed loop. The log must contain a change of the set point,
     a step of the load or a bump of u that is large compared with the noise.
 
     Parameters
@@ -156,7 +156,7 @@ def check(
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, such as the filter of the measurement.
     sample_time : float, optional
-        Sample time of the controller, above 0. By default that of the log.
+        Sample time of the controller, above 0. By default the sample time of the log.
     ms_worst : float, optional
         Limit of Ms for the suggested sets. It holds for every plant that the log does not rule out.
     model : str, optional
@@ -165,9 +165,9 @@ def check(
     Returns
     -------
     Check
-        Its `rows` are computed on first use. They contain three suggested sets: *calmer* with half the present noise
-        gain and Ms at most 1.4, *same noise* with the present noise gain and Ms at most 1.6, and *faster* with twice
-        the present noise gain and Ms at most 1.8.
+        Its `rows` are computed on first use. They contain three suggested sets: *calmer* (half the present noise
+        gain, Ms at most 1.4), *same noise* (the present noise gain, Ms at most 1.6) and *faster* (twice the present
+        noise gain, Ms at most 1.8).
 
     Raises
     ------
@@ -205,8 +205,8 @@ def check(
     if gains.ki * sign_of_gain(process) < 0:
         raise ValueError(
             f"controller must have gains of the same sign as the plant, found kp = {gains.kp:.4g} for a plant of gain "
-            f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
-            "the plant: record u as limited by the actuator, and change the set point during the record"
+            f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the fitted gain is "
+            "wrong: record u as limited by the actuator, and change the set point during the record"
         )
     share, better = explained_by(controller, output_filter, log)
     if share < EXPLAINED:
@@ -231,7 +231,7 @@ def check(
 
 
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
-    """Return how much of the sample-to-sample changes of u a controller explains (a share), and the best gain.
+    """Return the share of the sample-to-sample changes of u that a controller explains, and the best gain.
 
     The share is nan if u is constant in most samples, as in open loop. The best gain is the proportional gain
     of a least-squares fit from the changes of y to those of u.
@@ -240,8 +240,8 @@ def explained_by(controller: Controller, output_filter: Any, log: Record) -> tup
     -----
     The controller is run with the logged output and without the set point, which is unknown. A constant set point
     would add a constant to the change of the computed signal in each sample. Subtracting the running median removes
-    this constant. The remaining changes are compared with those of u. Samples at the largest or smallest u may be
-    clipped, and are left out. A log may store the u of the previous sample, so both alignments are tried.
+    this constant. Samples at the largest or smallest u may be clipped, and are left out. A log may store the u of the
+    previous sample, so both alignments are tried.
     """
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())

@@ -9,15 +9,15 @@ DOUBTS = {
     # doubts about a record
     "missing": "{count} of {total} samples had a missing value and were left out",
     "same time": "{count} sample(s) had the same time as another sample and were averaged",
-    "counter": "the time restarts {count} time(s), at {counter:.6g}, and was continued",
+    "counter": "the time is a counter that returns to 0 at {counter:.6g} ({count} time(s)): it was continued",
     "newest first": "the newest sample came first: the order was reversed",
     "not in order": "the times were not in order, first at {where}, and were sorted",
-    "counted": "column {name!r} only numbers the samples: period = {period:g} was used for the times",
+    "counted": "column {name!r} has sample numbers, not times: the times follow from period = {period:g}",
     "left out": "left out: {note}",
     "few before": "only {count} sample(s) before the input changes: the state of rest is uncertain",
     "drifting": "the output drifts by {drift:.3g} before the step: it was not at rest",
     "levels": "the output has only {count} levels, {apart:.3g} apart",
-    "gaps": "{count} gap(s) in the times; the longest lasts {longest:.3g} and begins at {start:.4g}",
+    "gaps": "the record has {count} gap(s); the longest lasts {longest:.3g} and begins at {start:.4g}",
     "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the step is placed in "
     "the middle; a fit uses the recorded input",
     "at an end": "the input stays at {end:.6g}, its {word} value, for {count} samples: if that is a limit of the "
@@ -50,14 +50,14 @@ DOUBTS = {
     "no limits": "{options} not given: the code does not know the limits of the actuator, and may wind up",
     # doubts about a relay experiment
     "relay phase": "the plant's phase at this period is {phase:.0f} degrees, not -180: the relay has hysteresis or a "
-    "bias; the gain applies at this period, and the true ultimate period differs from it",
+    "bias; the gain applies at this period, which is not the true ultimate period",
     # doubts about a check
     "log's sample time": "the controller is assumed to have the sample time of the log, {sample_time:.4g}",
     "unstable": "the loop with the model is unstable: the controller of the log must have had other gains or units",
     "other gains": "the given gains did not compute the log's u from its y: they explain {share:.0f} % of the movement "
     "of u between samples{better}",
     "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, through the feedback, "
-    "and pull the model towards -1/C: Ms may lie outside its interval; a larger change of the set point would help",
+    "and pull the model towards -1/(controller): Ms may lie outside its interval; a larger set-point change would help",
 }
 
 

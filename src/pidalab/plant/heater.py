@@ -58,7 +58,7 @@ class Lab:
         self._labtime = tclab.labtime
         with contextlib.nullcontext() if connected else _silent():
             self._device = tclab.TCLab() if connected else tclab.TCLabModel(synced=False)
-        self._now = 0.0 if connected else self._device.tlast  # the simulated clock may not start at 0
+        self._now = 0.0 if connected else self._device.tlast  # the simulated clock need not start at 0
 
     def __enter__(self) -> Lab:
         return self
@@ -159,7 +159,7 @@ class Lab:
         controller : DigitalController
             Controller with signals in per cent and degrees. It is reset first.
         setpoint : float or array_like, shape (n,)
-            Set point in degrees, one value for all samples or one for each.
+            Set point in degrees: one value, or a value for each sample.
         duration : float, optional
             Seconds.
         load : float or array_like, shape (n,), optional

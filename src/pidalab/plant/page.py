@@ -1,4 +1,4 @@
-"""Draw the figure of a report, and write its page."""
+"""Make the HTML page of a report, and the figure in it."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
     Candidates = Sequence[tuple[DesignRow, Design]]
 
-NEGLIGIBLE_ERROR = 0.005  # a figure ends when the error stays below this share of its largest value
+NEGLIGIBLE_ERROR = 0.005  # a response is drawn until the error stays below this share of its largest value
 PLANTS_SHOWN = 8  # largest number of plants, besides the model, in the figure
-CURVE = 500  # number of points of a curve in the figure
+CURVE = 500  # points of a curve
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: gain "
     "from measurement noise to the control signal, and Nyquist curves with the circle of the requested Ms. Faint "
-    "curves belong to plants within the spread."
+    "curves belong to other plants that the model allows."
 )
 
 
@@ -41,7 +41,7 @@ def page(
     sections: Sequence[tuple[str, str]],
     folded: Sequence[tuple[str, str]],
 ) -> str:
-    """Return an HTML page. Its last sections, `folded`, are closed at first."""
+    """Return an HTML page. The sections in `folded` come last, and a click opens them."""
     loader = jinja2.PackageLoader("pidalab.plant.code")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template("report.j2")
     figure, table = Markup(svg(drawn)), Markup(table)
@@ -59,7 +59,7 @@ def svg(drawn: Figure) -> str:
 
 
 def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Sequence[Process]) -> Figure:
-    """Draw six panels for the designs with `process`. The last panel also shows `plants` and the requested Ms."""
+    """Draw the loops of the designs with `process`. The last panel also shows `plants` and the requested Ms."""
     stable = [(row, row.design) for row in rows if row.applies and row.design is not None]
     if not stable:
         raise ValueError("there is nothing to draw: no candidate is stable with the model")

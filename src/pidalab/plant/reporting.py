@@ -26,15 +26,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAFE = 2.001  # a design is called safe if its largest Ms with any plant is at most this
-REPORT_HORIZON = 20.0  # length of the first simulated responses, in time scales of the process
-MEASURES = {  # attributes of a row, with their names and meanings
+# Simulations have this length, in time scales of the process, or more if the loop settles later.
+REPORT_HORIZON = 20.0
+MEASURES = {  # for each attribute of a row, its name and meaning
     "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
     "ms_sampled": ("Ms sampled", "the same for the loop with the digital controller"),
     "ms_worst": ("worst Ms", "the largest Ms with any plant that the model allows"),
     "delay_margin": ("delay margin", "additional dead time at which the loop becomes unstable"),
     "iae_load": ("IAE load", "integral of the absolute error after a unit step of the load"),
     "iae_worst": ("worst IAE", "IAE load with the plant that has the worst Ms"),
-    "price": ("price", "IAE divided by that of the design for the model alone: the cost of robustness"),
+    "price": ("price", "IAE divided by the IAE of a design for the model alone: the cost of robustness"),
     "peak": ("peak", "largest error after the step of the load"),
     "overshoot": ("overshoot %", "after a step of the set point"),
     "mks": ("max |CS|", "largest gain from measurement noise to u, over all frequencies"),
@@ -73,7 +74,7 @@ class Report:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Reservations about record, model and designs. A doubt about only some designs begins with their kinds."""
+        """Reservations about record, model and designs. A doubt about only the PI and PID begins with "PI, PID: "."""
         known = (*self.fit.record.doubts, *self.fit.doubts) if self.fit else ()
         kinds: dict[str, list[str]] = {doubt: [] for doubt in known}
         designs = [(row, row.design) for row in self.rows if row.design is not None]
@@ -87,7 +88,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """For each kind after the first, its IAE, noise gain and worst Ms compared with the preceding kind."""
+        """Comparison of each kind with the preceding kind: IAE, noise gain and worst Ms."""
         return "\n".join(
             f"{new.kind} against {old.kind}: IAE {new.iae / old.iae:.2f} times, relative noise gain "
             f"{new.relative_noise / old.relative_noise:.2f} times"
@@ -203,7 +204,7 @@ class Report:
         title : str
             Heading of the page.
         *sections : sequence of (str, str), optional
-            Two lists like those of `sections`, which are the default.
+            Two lists of headings and texts. By default those that the method `sections` returns.
 
         Returns
         -------
@@ -222,7 +223,7 @@ class Report:
         return page(title, self._repr_html_(), self.plot(), first, last)
 
     def sections(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-        """Return headings and texts of the page in two lists: those before the figure, and the folded ones after it.
+        """Return two lists of headings and texts: `first` is shown before the figure, and `last` is folded below it.
 
         Returns
         -------
@@ -301,7 +302,7 @@ def report(
 
 
 def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
-    """Tune a controller for `plant`, and measure it with `model`. If `tune` raises ValueError, the row says why."""
+    """Tune a controller for `plant`, and measure it with `model`. The row contains a ValueError of `tune` as text."""
     try:
         design = tune(plant, kind, **options)
     except ValueError as refusal:
@@ -310,7 +311,7 @@ def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, 
 
 
 def measure_candidate(design: Design, rule: str, kind: str, model: Process | Fit) -> DesignRow:
-    """Measure a design of `tune` with the model."""
+    """Measure a design in a loop with the model."""
     process = model.process if isinstance(model, Fit) else model
     row = measure_row(rule, kind, lambda: design, process, None, REPORT_HORIZON * time_scale(process))
     return row._replace(**{name: design.info.get(name, math.nan) for name in TUNED}) if row.applies else row

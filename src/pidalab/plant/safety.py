@@ -1,4 +1,4 @@
-"""Make designs that are safe in the real loop, with the model and with other plants within its uncertainty.
+"""Make designs that are safe in the real loop, with the model and with other plants that it allows.
 
 The real loop contains the sample time and the output filter with which the controller will run.
 """
@@ -72,7 +72,8 @@ class LoopEvaluator:
         return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
-        """Return the largest Ms with any of the plants (0 without plants), and the alphabetically first reason."""
+        """Return the largest Ms with any of the plants (0 without plants)."""
+        # Of several reasons, keep the first in the alphabet.
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
@@ -120,8 +121,7 @@ def correct_request(
     Notes
     -----
     The request is corrected if the real loop exceeds a limit, or if an active limit is not met. A correction multiplies
-    (requested Ms - 1) by (limit - 1)/(result - 1), clipped to the range 0.5 to 2. The iteration ends when the request
-    no longer changes.
+    (requested Ms - 1) by (limit - 1)/(result - 1), clipped to the range 0.5 to 2.
     """
     request, kept, design = limits, None, start
     for _ in range(MOST_CORRECTIONS):
@@ -151,7 +151,7 @@ def _next(request: float, result: float, limit: float, active: bool) -> float:
 
 
 def refusal(limits: Requirements, remedy: str, worst: float, more: str = "") -> ValueError:
-    """Return the error for plants that no design makes safe."""
+    """Return the error for a model that is too uncertain."""
     result = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
     return ValueError(
         f"the model is too uncertain for this controller: a plant of its spread gives {result}, where "

@@ -32,9 +32,9 @@ DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`
 DEFAULT_NOISE_SHARE = 0.01  # default standard deviation of noise in u, as a share of a record's input step
 MOST_MS = 5.0
 PHASE_UNKNOWN = 1e-3  # a phase shift below this, in rad, is negligible, since no model is so accurate
-SPREAD = 20  # plants drawn from the uncertainty of a fit
-PRICE_WARNING = 1.5  # price of robustness in IAE above which a doubt is given
-REMEDIES = (  # remedies if a process or a fit is too uncertain
+SPREAD = 20  # number of plants drawn from the uncertainty of a fit
+PRICE_WARNING = 1.5  # a doubt is given if the price of robustness is above this
+REMEDIES = (  # if a process (first) or a fit (second) is too uncertain
     "a smaller spread would help",
     "a longer record, a larger step or several of them, or less noise would help",
 )
@@ -86,19 +86,19 @@ def tune(
         Largest maximum sensitivity, above 1. 1.4 is cautious, 2 is fast. With a sample time, the limit applies to the
         sampled loop. Rules other than "optimal" and "haalman" ignore it, and the result contains the Ms reached.
     noise_gain : float, optional
-        Largest (standard deviation of u) / (standard deviation of white measurement noise), sampled with `sample_time`.
-        By default the noise of a Fit may move u by 1 % of the input step in the record. For a Process, or a Fit without
-        noise or steps, the gain from noise to u at any frequency is limited instead, to 10/\|P(0)\|. (For an
-        integrator, P(0) is replaced by P at the frequency where its phase has fallen by 45°.)
+        Largest (standard deviation of u) / (standard deviation of the measurement noise). The noise is white:
+        each sample has a new value. By default the noise of a Fit may move u by 1 % of the input step in the record.
+        For a Process, or a Fit without noise or steps, the gain from noise to u at any frequency is limited instead, to
+        10/\|P(0)\|. (For an integrator, P(0) is replaced by P at the frequency where its phase has fallen by 45°.)
     sample_time : float, optional
         Sample time of the digital controller (backward differences), above 0. Half of it is added to the dead time, to
         account for the hold. The design is corrected until the sampled loop has the requested Ms, to 0.1 %.
     rule : str, optional
-        "optimal", the least IAE after a load step, or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
+        "optimal" (the least IAE after a load step), or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
     spread : float, optional
         Relative error by which gain, time scale and dead time are raised and lowered. By default a Process is not
-        varied, and a Fit is varied by its uncertainty and by 15 % of the gain, up or down (`Fit.plants`). The worst of
-        twenty such random plants is not a bound: a few in a hundred plants are worse.
+        varied. The parameters of a Fit are varied by their uncertainty, and the gain also by 15 %, up or down
+        (`Fit.plants`). The worst of twenty such random plants is not a bound: a few in a hundred plants are worse.
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, such as the lag of a sensor. The design takes it into account.
     ms_worst : float, optional
@@ -257,14 +257,13 @@ def _noise_limits(
             f"noise gain at most {most:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
         )
         return {"noise_gain": most, "sample_time": h or model.record.sampling}
-    # This limit applies at any frequency, so it does not depend on the sample time.
     mks = DEFAULT_MKS * _gain_needed(designed)
     notes.append(f"gain from noise to u at most {mks:.3g} at any frequency (mks), since no limit was given")
     return {"mks": mks}
 
 
 def _optimal(designed: Process, others: list[Process], kind: str) -> Designer:
-    """Return a function that searches for the least IAE. `others` are the further plants that must be safe."""
+    """Return a function that searches for the least IAE. The loop must also be safe with `others`."""
 
     def make(request: Requirements, near: Design | None) -> tuple[Design, Any]:
         family = tuple(others) if request.family else ()

@@ -28,7 +28,8 @@ RULES = {
 }
 SHARES = (0.2, 1.0)  # ratios of dead time to lag of the first-order models
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
-SETTLED = 0.05  # largest relative difference between the last periods
+# Largest relative deviation of a period, and also the largest share of samples between the levels of u.
+SETTLED = 0.05
 OFF_PHASE = 10.0  # a doubt is given if the phase differs from -180 by more degrees than this
 
 
@@ -80,7 +81,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     Raises
     ------
     ValueError
-        If the input does not switch between two levels, if it has fewer than three cycles, or if their periods differ.
+        If the input does not switch between two levels, if it has fewer than three cycles, or if the periods differ.
 
     Notes
     -----

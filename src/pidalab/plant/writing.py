@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-PREFIX = ".pidalab-"  # prefix of the hidden folder
+PREFIX = ".pidalab-"  # beginning of the name of the hidden, temporary folder
 
 
 def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool = False) -> list[Path]:
@@ -73,7 +73,7 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
 
 
 def _rename(hidden: Path, paths: Sequence[Path]) -> None:
-    """Rename files to their final places. Restore the earlier files after an interruption."""
+    """Rename files to their final places, or restore the earlier files."""
     earlier = hidden / ".earlier"
     earlier.mkdir()
     for path in paths:
@@ -94,7 +94,7 @@ def _rename(hidden: Path, paths: Sequence[Path]) -> None:
 
 
 def refuse_others(texts: Mapping[Path, str | None]) -> None:
-    """Raise an error if a path exists with other contents. If its text is None, the path must not exist."""
+    """Raise an error if a path exists with other contents. A path whose text is None must not exist."""
     others = [
         path.name or str(path)
         for path, text in texts.items()

@@ -1,10 +1,10 @@
 r"""Simulate linear loops with dead time exactly.
 
 A loop that is opened at its dead time h has the equations x' = A x + b w, v = c_v x + d_v w and w(t) = v(t - h), where
-v is the process input and w the delayed process input. Usually one signal is delayed. With a filter that is very much
-faster than the plant, three signals are delayed, and matrices replace b, c_v and d_v. Stack the present and the past
-states, (x(t), x(t - h), x(t - 2h), ...). Between multiples of h this stack obeys an ordinary linear differential
-equation. Its matrix is block Toeplitz and is written as a power series in the shift z = e^{-hs}:
+v is the process input and w the delayed process input. Usually one signal is delayed. If a filter is very much faster
+than the plant, three signals are delayed, and matrices replace b, c_v and d_v. Stack the present and the past states,
+(x(t), x(t - h), x(t - 2h), ...). Between multiples of h this stack obeys an ordinary linear differential equation. The
+matrix of this equation is block Toeplitz and is written as a power series in the shift z = e^{-hs}:
 
 .. math:: \mathcal A(z) = A + b\,(c_v z + d_v c_v z^2 + d_v^2 c_v z^3 + \dots).
 
@@ -41,8 +41,8 @@ from pidalab.simulation.realisation import Cut, cut_at_delay, fastest_pole
 # If the dead time and the simulated time both exceed this number of time constants of the fastest state, digits may
 # cancel, so the response is checked. Without dead time, only the simulated time counts.
 CHECKED_FROM = 3e3
-# Units of time and of u in which a response is computed again, one after the other, until it is clearly accepted or
-# rejected.
+# To check a response, it is computed again with the units of time and of u multiplied by one of these factors. The
+# factors are tried in turn until the response is clearly accepted or rejected.
 OTHER_UNITS = (1.3, 0.6, 2.2)
 FEWEST_COMPARED = 64  # two responses are compared at this number of time steps or more
 DENSE = 10_000  # before a response is rejected, its largest value is sought at this many times or more
@@ -51,8 +51,9 @@ AGREEMENT = 1e-10
 # If the relative difference of the first two responses is below CERTAIN, no third response is needed, since two
 # computations are unlikely to have the same error.
 CERTAIN = 1e-12
-# A kick is a short, very large signal of a fast state. OUTSIDE_KICKS is the allowed difference of two responses,
-# divided by the largest value outside kicks or by the largest value at the requested times.
+# A kick is a short, very large signal of a fast state. Outside kicks, two responses may differ by OUTSIDE_KICKS times
+# the largest value outside kicks. At the requested times, they may differ by OUTSIDE_KICKS times the largest value at
+# these times.
 OUTSIDE_KICKS = 1e-6
 KICK_DURATION = 60.0  # a kick lasts this number of time constants of its fast state
 # After this number of time constants of the fastest state, times are rounded too coarsely (to 1e-16 of their value) to
@@ -74,12 +75,10 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     ValueError
         If too many digits were lost. Also as for `pidalab.simulation.ladder.responses`.
 
-    Notes
-    -----
-    The number of digits that cancel does not follow from the speeds of a loop. So the response of a stiff loop is
-    computed again in other units. The ratio of the units is not a power of 2, and the shortest power spans half as much
-    time as in the first computation, so all numbers are rounded differently. If both responses agree to ten digits,
-    each has lost at most about six of its sixteen digits.
+    Notes ----- The time constants of a loop do not tell how many digits cancel. So the response of a stiff loop is
+    computed again in other units. The ratio of the units is not a power of 2, and the first matrix exponential spans
+    half as much time as before, so all numbers are rounded differently. If both responses agree to ten digits, each has
+    lost at most about six of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
@@ -99,10 +98,10 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
 
 @lru_cache(maxsize=64)
 def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float, bool]:
-    """Return the cut loop, a bound of its norm, and True if digits may cancel."""
+    """Return the cut loop, the bound by `norm_over`, and True if digits may cancel."""
     cut = cut_at_delay(loop, inputs)
     norm = norm_over(cut, n, step)
-    # Without dead time the cut loop is closed, and the poles of the blocks may be faster than those of the closed loop.
+    # Without dead time, `cut` describes the closed loop, whose poles may be slower than those of a block.
     speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
     return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
 
@@ -110,7 +109,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
 def _require_agreement(
     loop: Loop, inputs: str, cut: Cut, norm: float, values: Array, step: float, finer: int
 ) -> None:
-    """Raise an error if responses in other units differ. Only every `finer`-th time in `values` was requested."""
+    """Raise an error if `values` change in other units. Only every `finer`-th time in `values` was requested."""
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
@@ -165,14 +164,12 @@ def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -
 def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
     """Return the sizes by which differences are divided, at each `every`-th time: (inputs, 3, times).
 
-    Notes
-    -----
-    The size at a time is the largest value of the signal from t = 0 to one dead time after this time. So a growing
-    response must be exact from the start, but a response that begins with zeros need not be exact at the zeros.
+    Notes ----- The size at a time is the largest value of the signal from t = 0 to one dead time after this time. So
+    the first values of a growing response must be exact. Values near 0 before the response begins need not be exact.
     Compared with a kick of 1e13, every later difference would be negligible. So differences outside kicks are also
-    compared with the largest value outside kicks, with a larger tolerance. The fastest kick follows each multiple of
-    the dead time. After `KICK_UNRESOLVED` time constants its values are not compared, because rounding of the time
-    alone changes them.
+    compared with the largest value outside kicks, with a larger tolerance. A kick of the fastest state begins at each
+    multiple of the dead time. After `KICK_UNRESOLVED` time constants of this state, values during its kicks are not
+    compared, because rounding of the time alone changes them.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -214,7 +211,7 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     ValueError
         If the loop is ill-posed, if the response of an unstable loop overflows, or if the times span too many dead
         times. If \\|L\\| is near 1 or above at infinite frequency, fewer dead times are allowed, since the response
-        depends on all of them.
+        then depends on all past states.
 
     Examples
     --------
@@ -485,8 +482,8 @@ def simulate_until_settled(
     loop : Loop
         A stable loop.
     horizon : float
-        End of the first simulation, above 0. It is doubled until it exceeds twice the dead time, and then until the
-        error has decayed.
+        Duration to begin with, above 0. The duration is doubled until it exceeds twice the dead time, and then until
+        the control error has decayed.
 
     Returns
     -------
@@ -496,8 +493,8 @@ def simulate_until_settled(
     Raises
     ------
     ValueError
-        If the horizon is not above 0, if the response does not settle within 8192 horizons, or if this takes too many
-        dead times.
+        If the horizon is not above 0, if the response does not settle within 8192 horizons, or if settling takes too
+        many dead times.
 
     Examples
     --------

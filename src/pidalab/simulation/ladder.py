@@ -2,14 +2,14 @@
 
 The *age* of a state is the number of dead times by which it precedes the present. A *stack* is a row of states with the
 ages m - 1, ..., 1, 0. A *power* is E - I, where E is the matrix exponential of the loop over the time step * 2^p, and I
-is the unit matrix. Here `step` is the time between requested times, p is an integer, and ``powers[i]`` has p = low + i.
-Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the number of ages that it
-reads.
+is the unit matrix. Here `step` is the time between requested times, p is an integer, and ``powers[i]`` has p = low + i,
+where low is the smallest p. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the
+number of ages that the power reads.
 
 Notes
 -----
 *Length of a stack.* A power of reach R computes the new state of age a from the old states of ages a to a + R - 1. So
-the youngest m new states depend on the youngest m + R - 1 old states. Every stack is truncated to the number of ages
+the m youngest new states depend on the m + R - 1 youngest old states. Every stack is truncated to the number of ages
 that the outputs read, plus R - 1 for each power that is still to be applied. States before t = 0 are left out as well,
 because they are 0. This truncation adds no error.
 
@@ -19,10 +19,11 @@ is smaller, because the negligible last coefficients of each power are dropped (
 of the stack lack the terms of the dropped coefficients, so only these states are inexact. In the same way, an output
 ignores its oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output.
 In the balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of
-powers, the largest coefficient of a power, the gain of the other applied powers, and the largest old state. This
-bound is far below rounding errors if no coefficient or state is 1e10 times as large as the requested values. If one is,
-the rounding errors are larger still. `checked_responses` detects rounding errors by a second computation in other
-units. It cannot detect truncation, because both computations are truncated equally.
+powers, the largest coefficient of a power, the gain of the other applied powers, and the largest old state. This bound
+is far below rounding errors if no coefficient or state is 1e10 times as large as the requested values. A larger
+coefficient or state also enlarges the rounding errors, so they still exceed the bound. `checked_responses` detects
+rounding errors by a second computation in other units. It cannot detect truncation, because both computations are
+truncated equally.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ from pidalab.simulation.stacks import (
 )
 
 MAX_STACK = 4000  # largest number of state variables in a stack
-MAX_WORK = 4e9  # largest number of multiplications; this number takes a few seconds
-MAX_ANCHORS = 1e7  # largest number of state variables at all multiples of the dead time together
+MAX_WORK = 4e9  # largest number of multiplications, which take a few seconds
+MAX_ANCHORS = 1e7  # largest total number of state variables at the multiples of the dead time
 LONGEST_RUN = 8  # usually at most 2**8 requested times are read from one stack
 # When a stack is advanced, one Taylor series replaces the SERIES lowest powers, because the series is faster. The terms
 # of the series are at most e^4 times the states, so that rounding costs less than two digits.
@@ -66,8 +67,7 @@ class ManyDeadTimes(ValueError):
 def responses(cut: Cut, n: int, step: float, norm: float) -> Array:
     """Compute y, its running integral and u at n times from 0, for a unit step on each input. Shape: (inputs, 3, n).
 
-    `step` is the time from one requested time to the next. `norm` is the value of `norm_over` or a larger number. The
-    lowest power spans less time if `norm` is larger.
+    `norm` is the value of `norm_over` or a larger number. The lowest power spans less time if `norm` is larger.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def _intervals(cut: Cut, n: int, step: float) -> int:
 
 
 def norm_over(cut: Cut, n: int, step: float) -> float:
-    """Return an upper bound of the norm of A(z) for all ages within n requested times (see `simulation.exact`)."""
+    """Return an upper bound of the norm of A(z), for all ages that n requested times span (see `simulation.exact`)."""
     intervals = _intervals(cut, n, step)
     through, power, ages = np.abs(cut.Cv), np.abs(cut.D), 1
     with np.errstate(over="ignore", invalid="ignore"):
@@ -130,7 +130,7 @@ def _responses(cut, step, n, intervals, norm):
 
     * When the pass for k begins, the outputs at all requested times before multiple k are computed, and `first` is the
       index of the next requested time.
-    * `terms` holds all derivatives that a stack of `deepest` ages at multiple k reads.
+    * `terms` holds all derivatives that are needed for a stack at multiple k with `deepest` ages, the most that occur.
     * The first requested time of an interval is (count + share) * delta after multiple k, with an integer `count`. A
       Taylor series advances the stack by share * delta. Then one power for each binary digit 1 of `count` advances the
       stack, in all by count * delta.
@@ -162,9 +162,10 @@ def _responses(cut, step, n, intervals, norm):
     powers, low = ladder(A, B, Cv, D, norm, step, top, most)
     if len(powers) == 0:
         return result, 0, TOO_LARGE
-    # The Taylor series that advances a stack spans less than delta. It ends where its terms are negligible.
+    # The Taylor series that advances a stack ends where its terms are negligible.
     spanned = min(SERIES, -low)
-    bits = min(-low, len(powers))  # `distance`, below, is at most a step and at most a dead time
+    # Powers for longer times are not needed, because `distance` (below) is at most one step and one dead time.
+    bits = min(-low, len(powers))
     delta = step * 2.0 ** (low + spanned)
     series, term = 1, norm * delta
     while term > 1e-18:
@@ -200,8 +201,7 @@ def _responses(cut, step, n, intervals, norm):
                 reached = row[place + size : min(row.size, place + size + across.shape[1])]
                 add_rows(reached, row[place : place + size], across, 0, 0)
 
-    # If an interval has at most 1.5 times the usual number of times of a run, one run covers it, and no second stack is
-    # needed.
+    # If an interval has at most 1.5 times as many requested times as a usual run, one run covers the interval.
     run = min(n, inside + 1) if 2 * min(n, inside + 1) <= 3 * 2**run_bits else 2**run_bits
     rows = output_rows(cut.C, cut.direct, Cv, D, cut.settled_u, most, run, powers, -low)
     outputs = rows.shape[1] // run
@@ -214,12 +214,11 @@ def _responses(cut, step, n, intervals, norm):
         deepest += powers[p].shape[1] // size - 1
     deepest = min(deepest, intervals + 1)
 
-    # `terms` holds derivatives at the latest multiples only, as far back as a stack reads.
     room = min(intervals + 1, deepest + KEPT_INTERVALS)
     terms = np.zeros((inputs, series + 1, room * size))
     delayed = np.zeros((inputs, series + 1, B.shape[1]))
     places, numbers = nonzero(A)
-    start = 0  # the first multiple in `terms`
+    start = 0
     out = np.zeros(rows.shape[1])
     work = 0.0
     first = 0
@@ -274,9 +273,8 @@ def _responses(cut, step, n, intervals, norm):
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
                     # A jump that arrives at a multiple of the dead time has not yet passed the fast filters, which are
-                    # not a part of the simulated process (see `realisation`). So the settled value of u is used. The
-                    # sum includes all states that the outputs read, except the state at t = 0, which is the jump
-                    # itself.
+                    # not a part of the simulated process (see `realisation`). So u still has the settled value from
+                    # before the jump. The sum leaves out the state at t = 0, which is the jump itself.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size

@@ -18,7 +18,7 @@ import numpy as np
 from pidalab._check import Array
 from pidalab.digital.program import If, Program, Set, Statement
 
-# Places of the controller's signals. SUMMED is the output of a block outside the program.
+# Places (indices) of the controller's signals. SUMMED is the output of a block outside the program.
 SETPOINT, MEASUREMENT, CONTROL, SUMMED = range(4)
 SIGNALS = ("setpoint", "measurement", "control", "summed")
 # ADD computes target = left + right, and so on. COPY is target = left. CHOOSE is target = left where right is not 0.
@@ -32,7 +32,7 @@ OPERATION_CODES: dict[type, int] = {
     ast.And: MULTIPLY,
     ast.Or: ADD,  # the operands of "or" in a program are never both true
 }
-FOR_OTHERS = ("at_limit",)  # outputs for the caller, which the controller never reads
+FOR_OTHERS = ("at_limit",)  # outputs that only the caller reads
 PARSING = threading.Lock()  # Python 3.11 counts the nesting of syntax trees in one counter for all threads
 
 
@@ -41,7 +41,7 @@ class Operations(NamedTuple):
 
     code: np.ndarray  # intp, (operations, 4): kind, and the places of target, left and right
     places: dict[str, int]  # places of signals, constants and states, with `SIGNALS` first
-    numbers: Array  # values of the places, and space for intermediate results
+    numbers: Array  # values at the places, and space for intermediate results
 
 
 def operations(program: Program, states: Mapping[str, float]) -> Operations:

@@ -1,6 +1,6 @@
 """Performance portraits: measures of one loop for thousands of parameter sets (huba2024, sec. 2.3).
 
-The sets are computed in parts. The result of a set does not depend on its part or on the executor.
+The sets are computed in batches. The result of a set does not depend on its batch or on the executor.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Bank(NamedTuple):
     def of(
         loop: Loop, parameters: Mapping[str, ArrayLike], prefilter: tuple[Any, Any] | None, h: float
     ) -> Bank:
-        """Collect the parameters of all sets, and check that they can run with sample time h."""
+        """Collect the parameters of all sets, and check them for the sample time h."""
         require_loop(loop)
         base = loop.controller
         if not isinstance(base, SeriesPIDA) or loop.output_filter is not None:
@@ -90,7 +90,7 @@ class Bank(NamedTuple):
     def measures(
         self, plant: Steps, limits: tuple[float, float], h: float, r: Array, d: Array, n: Array
     ) -> Array:
-        """Simulate the sets and return (measures, sets). The number of sets must be a multiple of `LANES`."""
+        """Simulate the sets. Return an array (measures, sets). The number of sets must be a multiple of `LANES`."""
         groups = [sampled_lanes.run(bank, plant, h, r, d, n) for bank in controllers(self, limits, h)]
         return np.concatenate(groups, axis=1)
 
@@ -150,7 +150,7 @@ def _companion(den: Array) -> Array:
 def controllers(bank: Bank, limits: tuple[float, float], h: float) -> Iterator[Controllers]:
     """Discretise the sets for the sample time h, in groups of `LANES` sets.
 
-    All sets share the step of a `DigitalController` that is exact for held inputs. Only the numbers differ.
+    All sets run the step of one `DigitalController`, which is exact for held inputs. Only the numbers differ.
     """
     kp, kd, ka, ti, time = bank.values.values()
     n = bank.base.filter_order
@@ -203,7 +203,7 @@ TASKS = 64  # approximate number of parts of the grid
 
 
 class Portrait(NamedTuple):
-    """Measures of a loop for many parameter sets, defined as in `Response`. Each array has the shape of the grid.
+    """Measures (as in `Response`) of a loop for many parameter sets. Each array has the shape of the grid.
 
     Attributes
     ----------
@@ -212,8 +212,8 @@ class Portrait(NamedTuple):
     tv_y, tv_u : ndarray
         Total variation of output and control signal, including the first change from 0.
     tv1_y, tv1_u : ndarray
-        Total variation in excess of one pulse (huba2024, eq. (24)) from 0 to the final value. The final value of y is
-        the prefiltered set point. The final value of u holds y at this value against the load.
+        Total variation minus that of one pulse, which goes from 0 to an extreme and back to the final value (huba2024,
+        eq. (24)). The final y is the prefiltered set point. The final u holds y at this value against the load.
     y_min, y_max, u_min, u_max : ndarray
         Smallest and largest value, including the initial value 0.
     y_end, u_end : ndarray
@@ -257,8 +257,8 @@ def portrait(
     Parameters
     ----------
     loop : Loop
-        A process and a `SeriesPIDA`. Values that `parameters` does not contain apply to all sets. The loop may have a
-        prefilter, but no output filter.
+        A process and a `SeriesPIDA`. If `parameters` lacks a parameter, all sets use the controller's value. The loop
+        may have a prefilter, but no output filter.
     parameters : mapping of str to array_like, or pandas.DataFrame
         Arrays for any of `kp`, `kd`, `ka`, `ti` and `filter_time`, which are broadcast to the shape of the grid.
     t : array_like, shape (n,)
@@ -292,7 +292,8 @@ def portrait(
 
     Examples
     --------
-    Vary acceleration gain and reset time near those of huba2024, eq. (25). The actuator can just compensate the load:
+    Vary acceleration gain and reset time near the values of huba2024, eq. (25). The actuator can just compensate the
+    load:
 
     >>> import numpy as np, pidalab
     >>> pda = pidalab.SeriesPIDA(0.094, 0.45, 0.208, ti=0.648, filter_time=0.2, filter_order=4, limits=(-1.1, 0.1))
@@ -343,7 +344,7 @@ def _state_of_rest(
 
 
 def _portrait(raw: Array, rest: tuple[Array, Array]) -> Portrait:
-    """Add the excess over one pulse, which follows from the final values, and mark the sets that diverged."""
+    """Add `tv1_y` and `tv1_u`, which need the final values, and mark the sets that diverged."""
     diverged = ~np.isfinite(raw).all(axis=0)
     values = dict(zip(MEASURES, raw, strict=True))
     with np.errstate(all="ignore"):

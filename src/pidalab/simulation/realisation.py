@@ -1,7 +1,7 @@
 """Convert a loop that is opened at its dead time to state-space form.
 
 A derivative filter that is much faster than the plant would compute s^2 y as a difference of nearly equal states. Each
-state of such a fast part is therefore replaced by its distance from a quasi-steady value, which follows from the slow
+state of such a filter is therefore replaced by its distance from a quasi-steady value, which is computed from the slow
 states.
 """
 
@@ -20,8 +20,8 @@ from pidalab.loop import BLOCKS, Loop, require_well_posed
 from pidalab.roots import roots
 from pidalab.statespace import Part, StateSpace, monic, numerator, parallel, realise
 
-# A fast part reads this number of states, one dead time apart. Older states are negligible, since they have passed
-# through the filter of the part at least this number of times.
+# A fast part of the controller reads the loop's states at this number of times, one dead time apart. Older states are
+# negligible, since they have passed through the filter of the part at least this number of times.
 AGES = 8
 
 
@@ -75,8 +75,8 @@ def times_ring_function(
 ) -> Array:
     r"""Return (row + direct W) H(A(z)) for a fraction H: one row of coefficients for each age of the state x.
 
-    H is much faster than its input, the signal row x + direct W. The algorithm is that of `times_function`, with the
-    matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop, which includes the past states.
+    H is much faster than its input, the signal row x + direct W, where W are the delayed signals. The algorithm of
+    `times_function` is applied to the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop.
     """
     A, B, Cv, D = delayed
     if not dead_time:
@@ -108,18 +108,18 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
     return np.array(read)
 
 
-# A part of the controller is decoupled (see `_cut`) if its slowest pole is more than FASTER times as fast as the
-# fastest state that drives the part, and if the loop gain at the speed of this state is below HIGH_GAIN. With a higher
-# gain the loop would be much faster, and the plant would act as a chain of integrators. With FASTER = 100, a filter 50
-# times faster than its plant would not be decoupled. Its kick, a short signal of 1e5 times y, would be a difference of
-# nearly equal states. After a step of the load, this gave errors of u of up to 5e-8 of its largest value.
+# Let w be the speed of the fastest state that drives a part of the controller. The part is decoupled (see `_cut`) if
+# all its poles are faster than FASTER * w, and if the loop gain at w is below HIGH_GAIN. With a higher gain the closed
+# loop would be much faster than w, and the plant would act as a chain of integrators. With FASTER = 100, a filter 50
+# times faster than its plant would not be decoupled. The kick of this filter, a short signal of 1e5 times y, would be a
+# difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of the largest u.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# Consider the parts that are more than STIFF times as fast as the states that drive them. If all of these parts are
-# even more than VERY_STIFF times as fast, and their kicks change the process output by less than SENDS_LITTLE, they are
-# kept out of the process (see `_cut`), and all other parts count as slow. After a part that is kept out has settled, u
-# is read from the past and present states that drive the part, because the rounding of the part's own states grows with
-# the ratio of the speeds. The effect of the fast states on the process is then neglected, since it decreases with the
-# square of this ratio.
+# Consider the parts that are more than STIFF times as fast as the states that drive them. These parts are kept out of
+# the process (see `_cut`) if all are more than VERY_STIFF times as fast as those states, and if their kicks change the
+# process output by less than SENDS_LITTLE times the control error. All other parts then count as slow. The rounding
+# errors of the states of such a part grow with the ratio of the speeds. So once the part has settled, u is computed
+# from the past and present states that drive it. This computation of u neglects the effect of the fast states on the
+# process, which decreases with the square of the ratio.
 STIFF = 100.0
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
@@ -145,7 +145,7 @@ class Cut(NamedTuple):
     # (ages, n), coefficients of x(t), x(t - delay), ... in u after the fast part of u has settled. There are no rows if
     # no fast part is kept out of the process.
     settled_u: Array
-    settling: float  # time after a multiple of the delay in which the fast part settles
+    settling: float  # the fast part settles within this time after a multiple of the delay
 
 
 class _Blocks(NamedTuple):
@@ -157,8 +157,8 @@ class _Blocks(NamedTuple):
 
 
 # Channels of the dead time. INPUT is the process input. If fast parts of the controller are kept out of the process,
-# INPUT lacks their contribution, and there are two more channels: ERROR is the error that drives the fast parts, and
-# RUSH is their contribution to the process output.
+# INPUT lacks their contribution, and there are two more channels. ERROR is the control error, which drives the fast
+# parts. RUSH is the contribution of the fast states to the process output.
 INPUT, ERROR, RUSH = range(3)
 
 
@@ -296,7 +296,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # The quasi-steady effect on the process is the transfer function of the fast parts at the process matrix.
+        # The quasi-steady effect on the process is the fast parts' transfer function, evaluated at the process matrix.
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)
@@ -385,7 +385,7 @@ def _poles(loop: _Blocks, block: str) -> Array:
 
 
 def _value(polynomial: Array, s: complex) -> Any:
-    """Return the value of a polynomial. For a single s, plain Python is faster than array operations."""
+    """Return the value of a polynomial."""
     value = 0j
     for coefficient in polynomial.tolist():
         value = value * s + coefficient

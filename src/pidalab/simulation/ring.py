@@ -23,7 +23,7 @@ import numpy as np
 
 from pidalab._compiled import compiled, plain
 
-# Relative size of the coefficients that are dropped from the end of an element. It is so small because one element
+# Relative size of the coefficients that are dropped from the end of an element. DROPPED is so small because one element
 # holds the coefficients of the plant and of a kick (a short, very large signal). With 1e-20, a kick of 1e22 caused an
 # error of 4e-9 in y.
 DROPPED = 1e-26
@@ -40,8 +40,8 @@ def _add_row_by_row(out, factors, rows, first, column):
 def add_rows(out, factors, rows, first, column):
     """Add factors @ rows[first:, column:] to the whole array `out`.
 
-    Each pass adds four rows in ascending order. The sums equal those of adding one row after the other, but `out` is
-    read and written only a quarter as often.
+    Each pass adds four rows in ascending order. The result is the same as with one row in each pass, but `out` is read
+    and written only a quarter as often.
     """
     size, fours = out.size, factors.size - factors.size % 4
     for i in range(0, fours, 4):
@@ -70,8 +70,7 @@ def _add_product_row_by_row(out, place, factors, column, count, rows, first):
 def add_product(out, place, factors, column, count, rows, first):
     """Add factors[:, column : column + count] @ rows[first : first + count] to some columns of `out`.
 
-    `place` holds the index of the first of these columns of `out`, and their number. The sums are the same as in
-    `add_rows`.
+    `place` holds the first of these columns, and their number. The sums are the same as in `add_rows`.
     """
     at, size = place
     pairs = factors.shape[0] - factors.shape[0] % 2
@@ -163,10 +162,9 @@ def taylor(tau, most, A, B, Cv, D):
 
     Notes
     -----
-    After pass n, `term` is (tau A(z))^n / n!, and `total` is the sum of the terms 1 to n. Each pass multiplies `term`
-    by A(z) = A + B z (1 - D z)^-1 Cv and by tau / n. Each term reaches one age further than the preceding term. If D is
-    not 0, each term reaches as many ages as `most` allows, because D feeds a part of the delayed signal `v` back into
-    the dead time.
+    After pass n, `term` is (tau A(z))^n / n!, where A(z) = A + B z (1 - D z)^-1 Cv, and `total` is the sum of the terms
+    1 to n. If D is 0, each term reaches one age further than the preceding term. If D is not 0, each term reaches as
+    many ages as `most` allows, because D feeds a part of the delayed signal `v` back into the dead time.
     """
     order, channels = B.shape
     term = np.eye(order)  # not transposed in this function, so that zeros of A can be skipped
@@ -209,12 +207,12 @@ def taylor(tau, most, A, B, Cv, D):
 
 @compiled
 def _width(first, second, most):
-    """Return a number of columns that is sufficient for a product, since all further columns would be dropped.
+    """Return an upper bound for the number of columns that `shortened` keeps of a product.
 
-    No number in the product of two coefficients exceeds order * a * b, where a and b are the largest numbers of the
-    two. The sum of such bounds is a bound for a coefficient of the result. This bound is compared with `DROPPED` times
-    the first coefficient of the result, the only coefficient that is computed here. The first coefficient is at most as
-    large as the largest. So `shortened` would drop every column that is left out here.
+    Let a and b be the largest moduli in two coefficients. No element of their product exceeds order * a * b in modulus,
+    so a sum of such terms is a bound for each coefficient of the result. Coefficients at the end are left out while
+    their bounds are at most `DROPPED` times the first coefficient of the result. `shortened` would drop them as well,
+    because the largest coefficient is at least as large as the first coefficient.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)
@@ -260,7 +258,7 @@ def ladder(A, B, Cv, D, norm, step, top, most):
     Notes
     -----
     `low` is the largest integer with low <= 0, low <= top and norm * step * 2^low <= 1/2, so that the Taylor series
-    converges fast. Each further power is the square of the preceding power. So `powers[i]` spans step * 2^(low + i).
+    converges fast. Each further power is the square of the preceding power.
     """
     powers = [np.zeros((1, 1)) for _ in range(0)]
     if not norm * step < 1e300:
@@ -282,13 +280,13 @@ def transition(powers, step, low, tau, most, A, B, Cv, D):
     -----
     `powers[p]` is used `times[p]` times, and `tau` is reduced by the time of each use. Invariant: `tau` plus the sum of
     times[p] * step * 2^(low + p) is the given time. The Taylor series spans the remaining `tau`, which is shorter than
-    the time of the shortest power. A remainder of the size of rounding counts as 0.
+    the time of the shortest power. A remainder no larger than rounding errors counts as 0.
     """
     dust = 8.0 * 2.0**-52 * tau  # the rounding error of a multiple of the step
     times = np.zeros(len(powers), dtype=np.int64)
     for p in range(len(powers) - 1, -1, -1):
         duration = step * 2.0 ** (low + p)
-        if duration <= dust:  # the power is shorter than the rounding error
+        if duration <= dust:
             break
         while tau > duration - dust:
             times[p] += 1

@@ -9,7 +9,7 @@ steps of the delayed input w lie inside the sample intervals:
 Each sample interval has one or two pieces with a constant input. A matrix exponential for each piece advances the plant
 exactly. The controller is discretised for a held input as well. The only remaining difference from the continuous loop
 is the delay of a real digital controller: half a sample for reading and half a sample for holding. So the difference is
-proportional to h. Pulse width modulation is also simulated exactly.
+proportional to h.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def simulate_sampled(
     limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). Here the filter :math:`Q_n` acts on the
     difference of prefiltered set point and measurement. The paper does not say if :math:`Q_n` filters the set point,
     too. To undo the effect of :math:`Q_n` on the set point, use a prefilter with :math:`(T_f s + 1)^n` in its numerator
-    and a fast lag that keeps it proper.
+    and enough fast lags in its denominator to be proper.
 
     Parameters
     ----------
@@ -109,10 +109,10 @@ def simulate_sampled(
         * Times are not uniform from 0, or signals have another length or contain NaN.
         * Limits are out of order or do not contain 0, or quanta are negative.
         * The plant has direct feedthrough without dead time, or an unstable loop overflows.
-        * A filter in or after a continuous controller is faster than the sample time.
+        * A filter in or after a continuous controller has a time constant below the sample time.
         * A digital controller has another sample time.
         * Anti-windup is requested for a controller without integral action or with a reset.
-        * Conditioning is requested with kp/ki below the sample time, which would make it unstable.
+        * Conditioning is requested with kp/ki below the sample time, which makes the integral unstable.
         * Pulses are requested without finite limits, with a quantum of the control signal, or for a plant that is not
           linear or has direct feedthrough.
 
@@ -286,7 +286,7 @@ def _with_reset(
     return fraction, _behind(h, limits, integral=share, from_signal=True)
 
 
-TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # first and largest number of samples of a response to noise
+TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # smallest and largest number of samples of a response to noise
 # A response to noise is long enough if the sum of squares of its second half is at most FADED times the whole sum. If
 # the response then decays by the factor e in N samples, the relative error of the gain is at most FADED * N / (2 *
 # TAIL_SAMPLES): 1e-10 for N = 1e6, 1e-7 for N = 1e9.
@@ -341,8 +341,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     r"""Return the ratio of the standard deviations of control signal and white measurement noise, in the sampled loop.
 
     The noise n is held for a sample, and the controller is digital as in `simulate_sampled`. Limits, a rate limit and a
-    deadband are ignored. The ratio is the H2 norm from n to u. By Parseval's theorem it is the root of the sum of
-    squares of u after a single sample of noise of height 1.
+    deadband are ignored. The ratio is the H2 norm from n to u. By Parseval's theorem this norm is the square root of
+    the sum of :math:`u_k^2` after a single noise sample of 1.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     ------
     TypeError, ValueError
         As for `simulate_sampled`. Also if the loop is unstable, or if four dead times or the response to a pulse of
-        noise exceed a million samples.
+        noise last longer than a million samples.
 
     Examples
     --------
@@ -381,8 +381,8 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
         if late <= FADED * total:
             return largest * math.sqrt(total)
     raise ValueError(
-        f"loop must be stable with sample_time = {h:g}, and a pulse of noise must decay within {samples // 2} samples; "
-        f"{100 * late / total:.3g} % of the sum of its squares comes later"
+        f"loop must be stable with sample_time = {h:g}, and u must decay within {samples // 2} samples after a pulse "
+        f"of noise, but {100 * late / total:.3g} % of the sum of squares of u comes later"
     )
 
 

@@ -1,8 +1,8 @@
 """Simulate many sampled loops in parallel, and compute their measures during the simulation.
 
-The loops have the same plant, limits and inputs but different controllers. Each variable is a row of `LANES` numbers,
-one for each loop (its lane). Every operation acts on whole rows, which compiles to vector instructions. The result in a
-lane does not depend on the other lanes.
+The loops have the same plant, limits and inputs but different controllers. Each variable is a row of `LANES` numbers.
+Each loop has one place in every row, its lane. Every operation acts on whole rows, which compiles to vector
+instructions. The result in a lane does not depend on the other lanes.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def run(bank: Controllers, plant: Steps, h: float, reference: Array, load: Array
         if plant.d != 0:
             for i in range(LANES):
                 y[i] += plant.d * past[after, i]
-        # Add the interval that ends here to the measures. The last state of the plant is the running integral of y.
+        # The last state of the plant is the running integral of y.
         area = x[states - 1]
         if k:
             _integrate(
@@ -166,8 +166,8 @@ def _integrate(
     h: float,
     start: float,
 ) -> None:
-    """Add a sample interval to the integrals of the error, divided by h. The error is a parabola, as in `Response`."""
-    # The parabola passes through both ends of the interval and has the exact area. Compute its curvature and mean.
+    """Add the integrals of the error over a sample, divided by h. The error is a parabola, as in `Response`."""
+    # Compute curvature and mean of the parabola that has the exact end values and the exact area.
     for i in range(LANES):
         curve[i] = 3.0 * (r - y_old[i] + r - y[i]) - 6.0 * (r - (area[i] - area_old[i]) / h)
     for i in range(LANES):
@@ -184,8 +184,8 @@ def _integrate(
         first, last = r - y_old[i], r - y[i]
         bent = curve[i] * (0.2 * curve[i] - first - last)
         m[ISE, i] += SIXTH * (2.0 * (first * first + first * last + last * last) + bent)
-    # The parabola differs from its chord by at most |curve|/4. So e can change its sign only if one end value is closer
-    # to 0 than |curve|/4.
+    # The parabola differs from its chord by at most |curve|/4. So e can change its sign only if its end values have
+    # opposite signs, or if one end value is within |curve|/4 of 0.
     for i in range(LANES):
         largest[i] = max(largest[i], max(abs(r - y_old[i]), abs(r - y[i])))
     for i in range(LANES):
@@ -206,7 +206,10 @@ def _integrate(
 
 @compiled
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
-    """Return what a change of sign adds to the integrals of |e| and (start + h s) |e| over 0 <= s <= 1."""
+    """Return the increase of two integrals over 0 <= s <= 1 by sign changes of e = c0 + c1 s + c2 s^2.
+
+    The integrals are those of ``|e|`` and ``(start + h s) |e|``.
+    """
     # Find the roots between 0 and 1 in ascending order, without cancellation.
     cuts = np.array([0.0, 0.0, 0.0, 1.0])
     square = c1 * c1 - 4 * c2 * c0

@@ -47,7 +47,7 @@ class Actuator(NamedTuple):
     low: float
     high: float
     quantum: float  # 0 for unlimited resolution
-    widths: int  # number of pulse widths above 0, or 0 for an actuator that holds its output
+    widths: int  # number of pulse widths without the width 0; 0 for an actuator that holds its output
 
 
 def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
@@ -105,8 +105,8 @@ def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator:
     on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
     over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    # The effect of a pulse is `over_piece` minus the effect of an input of 1 over the time after the pulse. From each
-    # width to the next shorter width, this time grows by h / widths.
+    # The effect of a pulse is `over_piece` minus the effect of an input of 1 over the time after the pulse. For each
+    # next shorter width, the time after the pulse is longer by h / widths.
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
@@ -153,7 +153,7 @@ step_one = stepper(1)
 
 @compiled
 def advanced(phi: Array, gamma: Array, x: Array, w: float, new: Array) -> None:
-    """Write phi x + gamma w into `new`. Loops are faster than a library call for small matrices."""
+    """Write phi x + gamma w into `new`."""
     for i in range(x.size):
         total = gamma[i] * w
         for j in range(x.size):
@@ -205,7 +205,7 @@ def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: in
     """Advance the plant by a sample. Return the new state, then the old array for reuse."""
     for piece in range(plant.lag_samples.size):
         w = v[at - plant.lag_samples[piece]]
-        system = 1 if w > x[0] else 0  # while w is held, the store approaches w from one side
+        system = 1 if w > x[0] else 0  # x[0] does not cross the constant w, so this system applies throughout
         advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
         x, x_new = x_new, x
         if plant.pulse.shape[1] > 1:
@@ -235,7 +235,7 @@ def run(
     -----
     At the beginning of sample k, `x` is the state of the plant at t_k and `z` is the state of the block. The input that
     is set at t_k is entry `before + k` of `v` and `width`. The first `before` entries belong to times before t = 0. The
-    input that acts in a piece is found `lag_samples` entries earlier.
+    input that acts in a piece is entry `before + k - lag_samples`.
     """
     n, before = reference.size, plant.lag_samples[0]
     y_offset, bias = rest

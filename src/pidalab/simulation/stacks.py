@@ -70,8 +70,8 @@ def _read_ages(size):
 def _longest(size, ages, power, order, most):
     """Bound the number of ages that the outputs read after `rows` (of `output_rows`) is multiplied by a power.
 
-    The product is not computed, but none of its elements exceeds order * a * b, where a and b are the largest elements
-    of the two factors.
+    The product is not computed. Instead its coefficients are bounded by sums of terms order * a * b, where a and b are
+    the largest moduli in two multiplied coefficients.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)
@@ -94,8 +94,8 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
     Its shape is (size of the stack, run * outputs).
 
     Notes ----- The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns
-    are complete. The pass multiplies them by the next power, which gives `have` further columns, for later times. The
-    pass then drops the ages that no output reads.
+    are complete. The pass multiplies them by the next power. The product has as many columns, which belong to later
+    times. The pass then drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -220,9 +220,9 @@ def summed(terms, start, end, share):
 
 @compiled
 def ages_needed(read, powers, order, base, most):
-    """Return the number of ages that a stack needs, as an array for 0, 1, ..., `most` runs.
+    """Return the numbers of ages that a stack needs.
 
-    Element n is enough for the outputs now and up to n runs later.
+    Element n (n = 0, 1, ..., `most`) is enough for the outputs of the present run and of the next n runs.
 
     The binary digits of the number of runs select the powers that advance the stack. Each power adds its reach minus 1
     to the ages that the outputs read.
@@ -231,7 +231,7 @@ def ages_needed(read, powers, order, base, most):
     for runs in range(1, most + 1):
         ages, p, digits = read, base, runs
         while digits > 0:
-            # A power that is not stored is selected only if there is no dead time. One age is then enough.
+            # If there is no dead time, a digit may select a power that is not stored. One age is then enough.
             if digits % 2 == 1 and p < len(powers):
                 ages += powers[p].shape[1] // order - 1
             digits //= 2

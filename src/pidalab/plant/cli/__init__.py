@@ -1,4 +1,4 @@
-"""The command line: from a plant record to controller code, and what a controller does to a plant."""
+"""The command line: write controller code from a plant record, and compare and simulate controllers."""
 
 from pidalab.plant.cli import known, recorded
 from pidalab.plant.cli.dialogue import main

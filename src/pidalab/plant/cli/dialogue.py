@@ -45,7 +45,7 @@ class Group(click.Group):
 @click.group(cls=Group, context_settings=CONTEXT_SETTINGS)
 @click.version_option(package_name="pidalab")
 def main() -> None:
-    """PIDA control: from a plant record to controller code, and what a controller does to a plant.
+    """PIDA control: write controller code from a plant record, and compare and simulate controllers.
 
     \b
     From a record, a delimited text file with an open-loop step:
@@ -79,7 +79,7 @@ def progress(text: str) -> Iterator[None]:
 
 
 class Place(click.Path):
-    """A path to write to. An empty path, as from an unset shell variable, would mean the current folder: refuse it."""
+    """A path to write to. An empty path (of an unset shell variable) is refused: it would mean the current folder."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse an empty path."""
@@ -111,7 +111,7 @@ def column(ctx: click.Context, param: click.Parameter, value: str | None) -> str
 
 
 ms = click.option("--ms", default=1.6, help="Upper limit of the maximum sensitivity Ms.")
-ms_worst = click.option("--ms-worst", default=2.0, help="Upper limit of Ms with all plants of the fit.")
+ms_worst = click.option("--ms-worst", default=2.0, help="Upper limit of Ms with any plant the fit allows.")
 limits = add_options(
     click.option("--u-min", default=-math.inf, help="Lower limit of u."),
     click.option("--u-max", default=math.inf, help="Upper limit of u."),
@@ -142,7 +142,7 @@ out = add_options(
 
 
 def visible(text: str) -> str:
-    """Escape control characters, which names in other people's files may contain."""
+    """Escape control characters, which a name in a file may contain."""
     return "".join(x if x.isprintable() or x == "\n" else ascii(x)[1:-1] for x in text)
 
 

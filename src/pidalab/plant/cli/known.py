@@ -98,8 +98,8 @@ def simulate_command(
 ) -> None:
     """Simulate a loop from rest, with its exact dead time, and print margins and measures.
 
-    Signals and limits are relative to the state of rest. With a controller.json the state of rest is its
-    working point.
+    Signals and limits are relative to the state of rest. If you give a controller.json, this is the working point
+    in the file.
 
     \b
     Examples:
@@ -123,7 +123,7 @@ def _controller(options: dict[str, Any]) -> Any:
     file, h = options["controller"], options["sample_time"]
     if file is None:
         if options["kp"] is None:
-            raise click.UsageError("give --kp and its times, or --controller")
+            raise click.UsageError("give --kp (and times such as --ti), or --controller")
         k = pidalab.PIDA(**{name: options[name] for name in dialogue.GAINS})
         return k if h is None else k.discretise(h)
     source = click.get_current_context().get_parameter_source

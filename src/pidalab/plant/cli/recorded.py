@@ -158,8 +158,8 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
 def check_command(lag: float, **options: Any) -> None:
     """Judge the gains of a running loop by its log, the RECORD.
 
-    The log must contain changes of the set point, a step of the load or a bump of u. Print the Ms of the loop with its
-    interval, how far the gains are from the best, and three sets of gains to try.
+    The log must contain changes of the set point, a step of the load or a bump of u. Print the Ms of the loop with an
+    uncertainty interval, how far the gains are from the best, and three sets of gains to try.
 
     \b
     Example:

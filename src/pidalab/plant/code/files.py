@@ -1,6 +1,6 @@
 """Write a digital controller as C, structured text, Python or JSON, with a head and a self-test.
 
-`LANGUAGES` defines how each language prints a statement. The folder ``templates`` contains the text around the step.
+`LANGUAGES` defines how each language prints a statement. The folder ``templates`` contains all other text.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # further samples far above the set point, and as many far below it
-DOUBLINGS = 24  # the distance of these samples from the set point is doubled at most this number of times
+# Largest number of distances that are tried for these samples. Each distance is twice the one before.
+DOUBLINGS = 24
 INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
 INVALID_MEASUREMENT = 1e30  # this value also exists in single precision
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # largest number of characters in a line
@@ -252,7 +253,7 @@ def content(k: Parameters) -> dict[str, Any]:
 
 
 def checksum(stored: dict[str, Any]) -> str:
-    """Return a checksum of the fields of a JSON. The order of fields and the format of numbers do not affect it.
+    """Return a checksum of the fields of a JSON. It does not depend on the order of fields or the format of numbers.
 
     The checksum does not protect against deliberate changes.
     """

@@ -12,13 +12,13 @@ from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP
 from pidalab.plant.code.files import canonical, checksum, content
 
 LONGEST_FILE = 2_000_000  # characters; `json()` writes at most a tenth of this
-# The controller has these fields under the same names.
+# These fields have the same names in a DigitalController.
 SAME = ("sample_time", "method", "anti_windup", "deadband", "feedforward", "tunable")
 ABOUT = {"about", "version", "checksum"}  # these fields do not affect the controller
 
 
 def from_json(text: str) -> DigitalController:
-    """Read a controller from text that its ``json()`` wrote.
+    """Read a controller from the text that ``DigitalController.json`` returns.
 
     Nothing in the file is executed. Type and range of every field are checked. Coefficients and test vector are
     computed again and compared with the file.
@@ -31,7 +31,7 @@ def from_json(text: str) -> DigitalController:
     Returns
     -------
     DigitalController
-        An equal controller, which starts at its first measurement.
+        A controller with the same parameters. It starts at its first measurement, since the file has no state.
 
     Raises
     ------

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 FIRST_TRIED, THEN = ("fopdt", "lags", "sopdt", "ipdt"), ("ifopdt", "sopdtz")
 MODELS = (*FIRST_TRIED, *THEN, "auto")
 SURPLUS = 1.1  # further models are tried if residuals / noise is above this
-WORKING_POINT = 0.15  # relative change of the gain away from the working point of the record
+WORKING_POINT = 0.15  # assumed relative change of the gain at another working point
 HIGHER = 0.75  # share of the plants whose gain is raised
-# A record is refused if the residuals of the best identifiable model exceed UNSETTLED times `near` of the best model.
-# `near` is the limit of the residuals up to which another model counts as equally good.
+# `FitResult.near` of the best model is the deviation up to which other models fit nearly as well. A record is refused
+# if the best identifiable model has residuals larger than UNSETTLED times this deviation.
 UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
@@ -59,7 +59,8 @@ class Fit:
         the size and correlation of the residuals. In closed loop they are multiplied by 1.3 if the residuals are white
         noise, and by 7 otherwise.
     residuals : ndarray, shape (n,)
-        Recorded minus simulated output, at the times of the record or, for a long record, at averaged times.
+        Recorded minus simulated output, at the times of the record. (If there are more than 4000 samples, neighbouring
+        samples are averaged. If the input changes more than 60 times, the record is resampled.)
     deviation : float
         Root mean square of the residuals, in the unit of y.
     noise : float
@@ -90,10 +91,10 @@ class Fit:
         """Return random plants that the record does not rule out.
 
         The parameters are drawn from their joint uncertainty around several models: the fitted model, and models with a
-        further lag, which in a record resembles a short dead time. Twelve lengths of this lag are tried. Of those that
-        increase the residuals by at most 3 %, the median and the longest are used. If the fitted model has equal lags,
-        "sopdt" models with further lags are used too. Around each model, the least likely 5 % of the plants are left
-        out.
+        further lag, which in a record resembles a short dead time. Twelve lengths of this lag are tried. Of the lengths
+        that increase the residuals by at most 3 %, the median and the longest are used. If the fitted model has equal
+        lags, "sopdt" models with further lags are used too. Around each model, the least likely 5 % of the plants are
+        left out.
 
         A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
         by a random part of the interval between the samples before and after a change. (An input that changes more than
@@ -150,7 +151,7 @@ class Fit:
         return plants
 
     def plants(self, count: int = 21) -> list[Process]:
-        """Return the model and random plants that the record does not rule out, for a robust design.
+        """Return the model and random plants for a robust design.
 
         The random plants are those of `spread`. Their gain is raised by 15 % with a probability of three quarters, and
         lowered by 15 % otherwise, since a record shows the gain at one working point only. It is raised more often,
@@ -367,8 +368,8 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     if not tried:
         raise ValueError(f"{failed}; make a larger step of the input, from rest")
     first = min(tried, key=lambda candidate: candidate.cost)
-    # Many models and times of the load are tried, so the best combination explains some noise by chance. Require a
-    # clear explanation.
+    # Many models and times of the load are tried, so the best combination explains some noise by chance. Require
+    # that it explains enough of the output.
     if load and unexplained(data, first):
         raise ValueError(DRIFTS)
     settled = [candidate for candidate in tried if not unsettled(data, candidate)]

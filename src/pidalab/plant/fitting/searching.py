@@ -124,11 +124,11 @@ SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 MOST_CHANGES = 60  # a record with more changes of the input is resampled to a uniform grid
 MOST_SAMPLES = 4000  # in a longer record, neighbouring samples are averaged
 SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
-BETTER = 0.03  # a model with more parameters must lower the residuals by this share
+BETTER = 0.03  # a simpler model is preferred if its residuals are larger by at most this share
 NONE = 1e-3  # a dead time shorter than this share of a sampling interval is set to 0
 LEVEL = 1  # index in `FitResult.values` of the level, a constant that is added to the output
 DESCENTS = 6  # number of descents from different starts
-# A search ends when relative changes are below this: SKETCHED for the descents, FINISHED to refine the best of them.
+# A descent ends when relative changes are below SKETCHED. The best descent is then continued to FINISHED.
 SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
 LOADS = 46  # number of times at which a step of the load is tried
@@ -150,7 +150,7 @@ class FitData(NamedTuple):
     changes: Array  # changes of the input
     change_times: Array
     unseen: float  # mean interval between the samples before and after a change of the input
-    grid: float  # sampling interval of a uniform grid on which the input may change at every sample, or 0
+    grid: float  # interval of the uniform grid to which the record was resampled, or 0
     free: bool = False  # True if the plant does not start from rest
     load: float = np.nan  # time at which the output begins to respond to a step of the load, or nan
 
@@ -207,7 +207,7 @@ def prepared(record: Record) -> FitData:
     unseen = float(np.mean(intervals[changed]))
     moments, changes = t[changed], moved[changed]
     if t.size > MOST_SAMPLES:
-        # This reduces noise, and the response is almost straight within so short a time.
+        # Averaging reduces noise, and the response is almost straight within so short a time.
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
     return FitData(t, y, changes, moments, unseen, 0.0, free)
@@ -288,7 +288,7 @@ def projected(data: FitData, shape: Shape, p: Sequence[float]) -> tuple[Array, A
 def refined(
     data: FitData, shape: Shape, start: Sequence[float], span: float, near: float = FINISHED
 ) -> FitResult:
-    """Descend from one start until relative changes are below `near`. The search uses logarithms of the times."""
+    """Descend from one start until relative changes are below `near`. Lags and damping are searched as logarithms."""
     count = len(shape.parameters) - shape.signed
 
     def times(x: Array) -> list[float]:
@@ -323,7 +323,7 @@ def refined(
 def _sensitivity(data: FitData, shape: Shape, linear: Array, p: Sequence[float]) -> Array:
     """Return the derivatives of the simulated output with respect to all parameters.
 
-    The columns are those of `FitResult.values`, the initial state, and the size and time of the load.
+    The columns belong to `FitResult.values`, the initial state, and the size and time of the load.
     """
     basis = data.basis(shape, p)
     columns = [basis[:, 0], basis[:, 1]]
@@ -353,9 +353,9 @@ def loaded(data: FitData) -> FitData:
 
 
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return the models of `_hidden`, which have a further lag that the record does not rule out.
+    """Return models with a further lag that the record does not rule out.
 
-    If the fitted model has equal lags, add such models of `SECOND_ORDER`, whose response is almost the same.
+    If the fitted model has equal lags, also add lags to a second-order model, whose response is almost the same.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)
@@ -365,13 +365,13 @@ def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
 
 
 def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
-    """Return models with a further lag: of the lags that fit, the median (the longer of two) and the longest."""
+    """Return models with a further lag. Of the lags with which the model still fits, use the median and the longest."""
     *times, delay = result.values[2:].tolist()
     # `whole` is at least one sample, since an integrator without dead time can hide a lag of one sample.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
-        # Start with the dead time delay - lag.
+        # Start with a dead time of `delay - lag`.
         rival = refined(data, behind_lag(result.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))

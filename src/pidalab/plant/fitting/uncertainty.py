@@ -11,16 +11,16 @@ from pidalab.plant.fitting.searching import FIRST_ORDER, MOST_DAMPED, FitData, F
 from pidalab.plant.record import Record
 from pidalab.plant.record.cleaning import FEWEST, FOLLOWER, MANY_LEVELS, MOVING
 
-BLIND = 1e7  # largest condition number of the scaled sensitivities of an identifiable model
+BLIND = 1e7  # a model is identifiable only if its scaled sensitivities have at most this condition number
 SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this number of standard uncertainties
-# A model must explain this share of the output's variance. If a model explains less, the noise may hide a response of
-# the opposite sign.
+# A model must explain this share of the output's variance. If it explains less, the true response may have the
+# opposite sign, hidden by the noise.
 EXPLAINED = 0.5
 FED_BACK = 0.3  # feedback is assumed if `_agreement` of the changes of u and y is at least this
 COLOURED = 1.5  # if `samples_per_error` is above this, the residuals are not white noise
-CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties for coloured and for white residuals
+CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of the uncertainties if residuals are coloured, or white
 CHANCE = 0.003  # accepted probability of mistaking a drift for a response, or a coincidence for feedback
-OPPOSED = 0.8  # like FED_BACK, but for the changes of u and of the residuals
+OPPOSED = 0.8  # feedback is assumed if the changes of u and of the residuals agree by at least this
 
 DRIFTS = (
     "the response to the input is not clearly above noise and a drift in time. Record the output at rest for a while, "
@@ -30,7 +30,7 @@ DRIFTS = (
 
 
 def drifts(data: FitData) -> bool:
-    """Return True if first-order responses to the input do not clearly improve the fit of a parabola in time.
+    """Return True if a parabola in time fits nearly as well as a parabola plus first-order responses to the input.
 
     If the record does not begin at rest, exponential decays are added to the parabola.
     """
@@ -58,7 +58,7 @@ def unsettled(data: FitData, result: FitResult) -> str:
             f"the response of {answer:.3g} is not clearly above the residuals of {result.deviation:.3g}: the step is "
             "too small compared with the noise, or something else moved the output; make a larger step, from rest"
         )
-    # Scale the sensitivities to each parameter to length 1.
+    # Scale each column of sensitivities to length 1.
     scaled = J / np.linalg.norm(J, axis=0)
     if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > BLIND:
         return (

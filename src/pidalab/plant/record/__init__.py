@@ -189,8 +189,7 @@ class Record:
             The file.
         time, u, y : str or int, optional
             Names in the header, or column numbers, counted from 0. By default the columns named "time", "u" and "y",
-            or else the first three. Times may be numbers, dates or times of day. Dates and times of day are converted
-            to seconds.
+            or else the first three. Times may be numbers. Dates and times of day are converted to seconds.
         delimiter : str, optional
             Text between the columns. By default it is detected.
         period : float, optional
@@ -308,8 +307,7 @@ class Record:
         Returns
         -------
         t, y : ndarray
-            Uniform times from 0 on, about one median interval apart, and the interpolated deviation of the output from
-            rest, divided by the change of the input.
+            Uniform times from 0 on, about one median interval apart, and the interpolated response.
 
         Raises
         ------
@@ -395,7 +393,7 @@ class Record:
 
 
 def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
-    """Raise if `period` contradicts the times of the file. Return a doubt if their column only numbers the samples."""
+    """Raise if `period` contradicts the times of the file. Return a doubt if their column has sample numbers."""
     try:
         clock = read_columns(*source)
     except ValueError:

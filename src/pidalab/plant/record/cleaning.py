@@ -25,7 +25,7 @@ OVERLAP = 3
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 # An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
-# Let A and B be the movements of the output in the last BEFORE and in the last JUST_BEFORE samples before a standstill.
+# A and B are movements of the output before a standstill: A in the last BEFORE samples, B in the last JUST_BEFORE.
 BEFORE, JUST_BEFORE = 10, 3
 SLOWED = 0.1  # if B / A is at most this, the plant itself came to rest
 # A standstill is reported only if A exceeds both MANY_STEPS rounding steps and LITTLE times the span of the output.
@@ -118,7 +118,10 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first sample of each run. A run has at least `FEWEST` samples, and begins as `OVERLAP` says."""
+    """Return the first sample of each run.
+
+    A run has at least `FEWEST` samples, and begins where the time goes back by more than `OVERLAP` median intervals.
+    """
     edges = [0, *(np.flatnonzero(np.diff(t) < 0) + 1).tolist(), t.size]
     rising = np.diff(t)[np.diff(t) > 0]
     usual = float(np.median(rising)) if rising.size else 0.0
@@ -131,7 +134,7 @@ def run_starts(t: Array) -> list[int]:
 
 
 def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
-    """Raise if the input is a copy of the output. If `ramp` is false, also raise if it is a clock or a counter."""
+    """Raise if the input copies the output. If `ramp` is false, also raise if the input is a clock or a counter."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
     remedy = "name the column of the plant's input (--u); without the input no model can be fitted"
@@ -151,10 +154,7 @@ def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
 
 
 def far_off(y: Array) -> Places:
-    """Return the samples that lie far from the median of their neighbours.
-
-    The distance must be more than 8 times the 95 % quantile of all distances, and more than a fifth of the span of y.
-    """
+    """Return the samples that lie far from the median of their neighbours."""
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
         return known[:0]
@@ -167,8 +167,8 @@ def far_off(y: Array) -> Places:
 def standing_still(y: Array) -> list[tuple[int, int]]:
     """Return the first and the last sample of each interval in which a moving output suddenly stands still.
 
-    An interval is left out if the output slows down before it, or if it moves so slowly that only its rounded value
-    stands still.
+    An interval is left out if the output slows down before it, or if the output moves so slowly that only the rounded
+    value stands still.
     """
     known = np.flatnonzero(np.isfinite(y))
     if known.size < FEWEST:
@@ -192,7 +192,7 @@ def standing_still(y: Array) -> list[tuple[int, int]]:
 
 
 def outlier_note(y: Array, where: Sequence[str]) -> str:
-    """List outputs that are probably errors of the sensor. Return an empty text if there are none."""
+    """List outputs that are probably errors of the sensor, if any."""
     notes = []
     if (wild := far_off(y)).size:
         notes.append(f"far from its neighbours: {_first_few([f'{where[k]} (y = {y[k]:.6g})' for k in wild])}")
@@ -221,7 +221,7 @@ def _first_few(entries: Sequence[str]) -> str:
 
 CREEP = 0.1  # largest movement of the input within a level, as a share of the span of the input
 SHORTEST_LEVEL = 4  # least number of samples in a level of the input
-MANY = 12  # u has no separate steps with this number of levels or more (rounded to 1 % of its span)
+MANY = 12  # if u has this many levels or more (rounded to 1 % of its span), it has no separate steps
 FOLLOWS = 0.98  # u follows y if y and its integral explain more than this share of the variance of u
 FOLLOWER = "it follows the output, as in a loop at a constant set point"
 MANY_LEVELS = "steps to many levels"
@@ -234,7 +234,7 @@ class Step(NamedTuple):
     Attributes
     ----------
     time : float
-        Time of the change, on the time axis of the record.
+        Time of the change in the record.
     before, after : float
         Levels of the input before and after the change, in the unit of u.
     """

@@ -25,7 +25,7 @@ GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas separate t
 BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # blanks separate thousands
 # In a number with a decimal comma, points may only separate thousands.
 WITH_COMMA = re.compile(r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-# A per cent or degree sign after a number. Blanks before it are removed separately, which keeps the search linear.
+# A per cent or degree sign after a number. The pattern has no blanks before the sign: they would make it slow.
 SIGN = re.compile(r"(%|°\s{0,9}[CF]?)$")
 
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
@@ -40,7 +40,7 @@ UNIT = re.compile(
     re.IGNORECASE,
 )
 QUOTED = 60  # largest number of characters of the file that a message quotes
-SAMPLE = 50  # lines from which the format is detected, and largest number of column names in a message
+SAMPLE = 50  # number of lines from which the format is detected, and of column names in a message
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # largest number of characters in a row, and of columns
 
 
@@ -75,7 +75,7 @@ def read_columns(
     wanted : mapping of str to str, int or None
         The keys are the roles "time", "u" and "y". Each value is the name of a column in the header, or its number from
         0. If the value is None, the column named like the role is used. If there is no such column, column 0 (time),
-        1 (u) or 2 (y) is used, and a doubt says so if the file has more than three columns. Times may be dates.
+        1 (u) or 2 (y) is used, and a doubt says so if the file has more than three columns.
     delimiter : str or None
         Text between the columns. A text of several characters is a regular expression. If None, the delimiter is
         detected.
@@ -224,7 +224,7 @@ def is_value(entry: str) -> bool:
 
 
 def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
-    """Convert entries to numbers, with nan for missing values. Mark the entries that are neither."""
+    """Convert entries to numbers, with nan for missing values. Mark all other entries."""
     values = np.array([number(entry, comma) for entry in entries], dtype=float)
     wrong = [
         math.isnan(value) and bare(x).lower() not in MISSING for x, value in zip(entries, values, strict=True)
@@ -233,7 +233,7 @@ def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
 
 
 def _numbered(lines: Sequence[str], mark: str) -> float:
-    """Rate a delimiter: the number of numeric columns at the end of the file, times their share of all columns."""
+    """Rate a delimiter by the last rows of the file: number of numeric columns, times their share of all columns."""
     rows = [_split(line, mark) for line in [line for line in lines if line.strip()][-SAMPLE:]]
     half = sorted(map(len, rows), reverse=True)[len(rows) // 2]  # median number of columns
     counts = [sum(k < len(row) and is_value(row[k]) for row in rows) for k in range(half)]
