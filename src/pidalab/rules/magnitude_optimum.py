@@ -292,8 +292,8 @@ def tune_for_filter_noise(
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
     (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form of this transfer
-    function. `pidalab.noise_gain`, which includes the loop, gives a result that differs by a few per cent if the filter
-    is not much faster than the loop.
+    function, without the asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result that
+    differs by a few per cent if the filter is not much faster than the loop.
 
     For n above m + 1, the estimate of eq. (32) may lead to only a third of the requested noise gain (column σ_rel of
     Table 4).
