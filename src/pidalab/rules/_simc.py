@@ -17,7 +17,7 @@ from pidalab.rules._design import Design
 # A pole or zero p counts as real if abs(imag(p)) <= OSCILLATING * abs(p), since rounding makes multiple real poles
 # complex.
 OSCILLATING = 0.05
-# A zero 1 + T s is paired with a shorter lag only if T / lag is below this.
+# A zero 1 + T s is paired with a shorter lag only if T / lag is below CLOSE_LAG.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
 # The reduction is repeated at most this often, until the relative change of the effective dead time is this small.
 MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12
@@ -47,7 +47,7 @@ def simc(
     closed_loop_time : float, optional
         Time constant τ_c of the closed loop, above 0. By default θ, as the paper recommends.
     n : float, optional
-        Derivative time, divided by the time constant of its filter.
+        Derivative time divided by the time constant of the derivative filter.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def simc(
 
 
 def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: float = 10) -> Design:
-    r"""Design a PID controller by improved SIMC, which adds a derivative time to the SIMC settings for PI.
+    r"""Design a PID controller by improved SIMC, which adds a derivative time to the PI settings of SIMC.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
@@ -180,9 +180,9 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     -----
     The rule for a zero in the left half-plane and the effective dead time depend on each other. Therefore the reduction
     is repeated until the dead time no longer changes. The result may depend on the initial value, which the paper does
-    not give. Here the initial value is `dead`. If `dead` is 0, it is the effective dead time of the lags alone. These
-    values reproduce the examples of the paper. If the iteration becomes periodic, the reduction with the longest dead
-    time is returned, which is cautious.
+    not give. We start from `dead`, the dead time plus the time constants of zeros in the right half-plane. If `dead` is
+    0, we start from the effective dead time of the lags alone. These values reproduce the examples of the paper. If the
+    iteration becomes periodic, the reduction with the longest dead time is returned, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -224,7 +224,7 @@ def _without_leads(
             lags.remove(shorter)
             gain *= lead / shorter if shorter >= delay else max(lead / delay, 1.0)
             continue
-        kept = min(longer, max(5 * delay, lead))  # rule T3; in rule T2 `kept` equals the lead
+        kept = min(longer, max(5 * delay, lead))  # rule T3; in rule T2 `kept` equals `lead`
         left_over = kept - lead
         if math.isinf(longer):
             integrators -= 1

@@ -1,7 +1,7 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
 Symbols, controllers and range of models are the same as in `itae`, but the results are closer to the least ITAE. For
-set-point steps, the zeros of most of the best controllers cancel the poles of the model. For overdamped models with
+set-point steps, most optimal controllers have zeros that cancel the poles of the model. For overdamped models with
 long dead time, cancelling the poles raises the ITAE by up to 11 %. The formulas for load steps are fitted to
 controllers with Ms of at most 2.
 """
@@ -52,7 +52,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     model : Process
         `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
-        Filter time constants divided by the derivative and by the acceleration time, above 0.
+        Filter time constant divided by the derivative time, and likewise for the acceleration, above 0.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     """
     m = second_order(model)
     lag = _check.real("alpha_d", alpha_d, above=0.0) * m.tau / (2 * m.damping)
-    # The lead is negative for slow filters. A lower bound of 0 would make Ms large.
+    # `lead` is negative for slow filters. Limiting it to 0 would make Ms large.
     lead = 0.36 * m.delay - 0.391 * lag * lag / m.delay
     ki, a1 = 0.722 / (m.gain * m.delay), 2 * m.damping * m.tau
     return _from_gains(

@@ -51,7 +51,7 @@ UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
 MOST_UPDATES = 300  # number of updates of the filter time before an error is raised
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # with a larger order m, rounding errors of the areas dominate
-LOST = 1e-3  # gains are refused if rounding the areas may change a gain by this share
+LOST = 1e-3  # a gain is refused if rounding the areas may change it by this fraction
 
 
 def gains(areas: ArrayLike, m: int) -> Array:
@@ -334,9 +334,8 @@ def tune_for_filter_noise(
         time = math.exp(log_time)
         filtered_gains = [float(gain) for gain in _solved(series.lagged(plain, time, n), m)]
         ratio = filtered_noise_gain(filtered_gains, time, n, float(plain[0]), sample_time) / wanted
-        return math.log(
-            max(ratio, sys.float_info.min)
-        )  # the ratio is 0 where K_0 of a PI controller changes its sign
+        # The ratio is 0 where K_0 of a PI controller changes its sign.
+        return math.log(max(ratio, sys.float_info.min))
 
     low, high = _bracket(excess, math.log(_time_scale(plain) / 20))
     if high is None:
@@ -364,7 +363,7 @@ def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, flo
 def filtered_noise_gain(
     gains: Sequence[float], filter_time: float, n: int, static_gain: float, sample_time: float
 ) -> float:
-    """Return the noise gain by eq. (21), for white noise that is held between samples."""
+    """Return the H2 norm of the sampled form of eq. (21), for white noise held between samples."""
     h = _check.real("sample_time", sample_time, above=0.0)
     numerator = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
     A, b, c, d = discretise(np.array(numerator[::-1]), binomial(filter_time, n), h)
@@ -435,7 +434,7 @@ def _row(areas: Sequence[Fraction], r: int, size: int) -> list[Fraction]:
 
 
 def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
-    """Solve M K = C, eqs. (15) to (17), for areas that include the filter. Raise if this is not possible."""
+    """Solve M K = C, eqs. (15) to (17), for areas that include the filter. Raise if M is singular."""
     size = m + 2
     matrix = [_row(areas, r, size) for r in range(size)]
     result = series.solve(matrix, [Fraction(-1, 2), *[Fraction(0)] * (size - 1)])

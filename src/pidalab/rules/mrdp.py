@@ -54,7 +54,7 @@ class Constants(NamedTuple):
     def numerator(self) -> list[float]:
         """Coefficients of N(x), highest power first.
 
-        Without filter, the poles of the loop solve x^2 e^x + N(x) = 0, eq. (4).
+        By eq. (4), the poles of the loop without filter solve x^2 e^x + N(x) = 0.
 
         Returns
         -------
@@ -116,8 +116,8 @@ def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
     The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
-    each of them. For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of the
-    filter, -1/T_f.
+    the filter as with T_e. For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of
+    the filter, -1/T_f.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     m : int
         Order of the highest derivative, at least 0.
     n : int
-        Order of the filter, at least m. With ``n=0`` a PI controller has no filter.
+        Order of the filter, at least m. ``n=0`` gives a PI controller without filter.
     te : float
         Dead time that represents the filter, above 0 (with ``n=0`` it must be 0). A larger value gives less noise and a
         slower loop.
