@@ -3,8 +3,8 @@
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of the loop transfer function L
 is smooth between grid points, but the dead time turns the phase without bound. A grid step is therefore divided further
 if the dead time turns the phase quickly within the step *and* the step may contain a crossover or peak. A step may
-contain a crossover if the magnitude of L is large enough. A step may contain a peak if an upper bound of the values
-within the step exceeds the highest value so far.
+contain a crossover if the magnitude of L is large enough, and a peak if an upper bound of the values within the step
+exceeds the highest value so far.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from pidalab._check import Array
 
-PER_DECADE = 120  # number of grid points per decade
+PER_DECADE = 120  # grid points per decade
 MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memory
 # Largest angle in rad by which the dead time turns the phase between two points: FINE_STEP for peaks, COARSE_STEP for
 # phase crossovers.
@@ -40,7 +40,7 @@ SAME_CROSSING = 1e-8
 # The refinement of a peak ends when step / (width of the first bracket) is at most SAME_PEAK. The step of finite
 # differences is DIFFERENCE_STEP times the distance of the middle point to its nearer neighbour.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
-# A long grid step is divided into pieces with this number of points. A piece is either skipped or computed as a whole.
+# A long grid step is divided into pieces with this number of points.
 PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.

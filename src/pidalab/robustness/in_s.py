@@ -26,15 +26,14 @@ from pidalab.roots import roots
 
 # If the dead time turns the phase by more than this angle in rad, rounding hides a fraction of a turn.
 UNCERTAIN_TURNS = 1e12
-FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
+FAR_PER_DECADE = 12  # grid points per decade, far from all corner frequencies
 CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse
 
 
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    `speeds` holds the modulus of each pole. For a pole at 0 it holds the smallest modulus of the other poles, if there
-    are any.
+    `speeds` holds the modulus of each pole, and a positive number for a pole at 0.
     """
 
     gain: float

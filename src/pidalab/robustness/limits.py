@@ -16,7 +16,7 @@ to 1: its slope is at most 1, and its value is 0 only at 0. The criterion of Pop
 With θ = 0 this is the circle criterion. For this sector the circle is the half plane left of -1. If either criterion
 holds, the loop comes to rest from every initial state. This theorem makes three assumptions:
 
-- F is strictly proper. Its poles lie left of the imaginary axis. One exception is allowed: a simple pole at 0, from an
+- F is strictly proper. Its poles lie left of the imaginary axis. The only exception is a simple pole at 0 of an
   integrating process. With this pole (Popov's particular case) the sector excludes the gain 0, because this gain does
   not stabilise the loop. The residue of the pole must be positive, so that every small gain stabilises the loop. The
   theorem requires θ > 0 in this case. The circle criterion still suffices: ωG is bounded, so a margin that is positive

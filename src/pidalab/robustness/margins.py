@@ -52,8 +52,8 @@ class Margins:
         Delay margin, the smallest extra dead time that brings a pole to the stability limit.
     disk : float
         Disk margin α, the inverse of the largest \\|S - 1/2\\|. The loop stays stable if L is multiplied by any complex
-        factor (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. These factors include gains from (2 - α)/(2 + α) to (2 + α)/(2 -
-        α), and rotations up to 2 arctan(α/2).
+        factor (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. These factors include gains from (2 - α)/(2 + α) to
+        (2 + α)/(2 - α), and rotations up to 2 arctan(α/2).
     ms, mt : float
         Peaks of the sensitivity and of the complementary sensitivity.
     wgc, wpc : float
@@ -164,8 +164,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # With integral action, C S at zero frequency is 1/P. Without integral action, the lowest grid point is close enough
-    # to zero frequency.
+    # With integral action, C S at zero frequency is 1/P. Otherwise the lowest grid point is close enough.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
@@ -250,8 +249,8 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     loop : Loop
         The loop.
     quietest : float, optional
-        Smallest \\|L\\| at which a crossover is returned. It applies only to a continuous loop with dead time, which
-        has infinitely many crossovers.
+        Smallest \\|L\\| of a returned crossover. Only used for a continuous loop with dead time, which has infinitely
+        many crossovers.
 
     Returns
     -------
@@ -363,8 +362,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     Returns
     -------
     float
-        Factor k, above 0. The function `max_sensitivity` returns `ms` for ``Loop(process, k * controller,
-        output_filter)``.
+        Factor k, above 0, for ``Loop(process, k * controller, output_filter)``.
 
     Raises
     ------
@@ -428,7 +426,7 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # At each frequency the forbidden k form an interval from `low` to `high`. If an interval begins above the ends of
-    # all preceding intervals, k just below its start is allowed.
+    # At each frequency, k from `low` to `high` is forbidden. If such an interval begins above the ends of all preceding
+    # intervals, k just below its start is allowed.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()

@@ -40,8 +40,8 @@ def unstable_poles(loop: Loop) -> float:
     Returns
     -------
     int or float
-        The number of poles. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop
-        has infinitely many poles right of the axis, on the axis or arbitrarily near to the axis.
+        The number. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop has
+        infinitely many poles right of the axis, on the axis or arbitrarily close to it.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     delay, nodes = loop.process.delay, 32
     loop, factors = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(from_factors(factors).at_end))  # real part that the poles of a neutral loop approach
+        chain = np.log(abs(from_factors(factors).at_end))  # poles of a neutral loop approach this real part
     while nodes <= MOST_NODES:
         poles = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, poles.size) + 1):
