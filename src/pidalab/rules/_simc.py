@@ -16,9 +16,9 @@ from pidalab.rules._design import Design
 
 # A pole or zero p counts as real if abs(imag(p)) <= OSCILLATING * abs(p), since rounding splits multiple poles.
 OSCILLATING = 0.05
-# A zero 1 + T s is paired with a shorter lag only if T / lag is below this.
+# A zero 1 + T s is paired with a shorter lag only if T / lag is below CLOSE_LAG.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
-MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # most steps, and tolerance, for the effective dead time
+MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # iterations of the effective dead time, relative tolerance
 
 
 def simc(
@@ -45,7 +45,7 @@ def simc(
     closed_loop_time : float, optional
         Time constant τ_c of the closed loop, above 0. By default θ, as the paper recommends.
     n : float, optional
-        Derivative time, divided by the time constant of its filter.
+        Derivative time divided by the time constant of the derivative filter.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def simc(
 
 
 def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: float = 10) -> Design:
-    r"""Design a PID controller by improved SIMC: SIMC settings for PI, and a third of the dead time as derivative time.
+    r"""Design a PID controller by improved SIMC, which adds a derivative time to the PI settings of SIMC.
 
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
@@ -177,10 +177,10 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     Notes
     -----
     The rule for a zero in the left half-plane and the effective dead time depend on each other. Therefore the reduction
-    is repeated until the dead time no longer changes. The result may depend on the initial value, which the paper does
-    not give. Here this value is `dead`, the dead time plus the time constants of zeros in the right half-plane. If
-    `dead` is 0, the initial value is the effective dead time of the lags alone. These values reproduce the examples of
-    the paper. If the iteration is periodic, the longest dead time is used, which is cautious.
+    is repeated until the dead time no longer changes. The result may depend on its initial value, which the paper does
+    not give. We start from `dead`, the dead time plus the time constants of zeros in the right half-plane. If `dead` is
+    0, we start from the effective dead time of the lags alone. These values reproduce the examples of the paper. If the
+    iteration is periodic, the longest dead time is used, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -211,7 +211,7 @@ def _without_leads(
 ) -> tuple[float, list[float], int]:
     """Replace each zero in the left half-plane and a lag of similar size by a gain and, in rule T3, a shorter lag.
 
-    The rules T1 to T3 are in section 2.2 of Skogestad (2003). An integrator counts as an infinite lag.
+    The rules T1 to T3 are in section 2.2 of Skogestad (2003).
     """
     lags = list(lags)
     for lead in leads:
@@ -222,7 +222,7 @@ def _without_leads(
             lags.remove(shorter)
             gain *= lead / shorter if shorter >= delay else max(lead / delay, 1.0)
             continue
-        kept = min(longer, max(5 * delay, lead))  # rule T3; in rule T2 this equals the lead
+        kept = min(longer, max(5 * delay, lead))  # rule T3; in rule T2 `kept` equals `lead`
         left_over = kept - lead
         if math.isinf(longer):
             integrators -= 1

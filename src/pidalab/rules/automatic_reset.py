@@ -140,7 +140,7 @@ def double_zero(ratio: float = 1.0) -> Setting:
 
 
 PI, PID, MRDP_PIDA = (multiple_pole(m) for m in range(3))
-# The pair of zeros of the stabilising controller has the real part -kd/(2 ka).
+# The complex zeros of MRDP_PIDA have the real part -kd/(2 ka). TAU_2 is -1/(real part).
 TAU_2 = 2 * MRDP_PIDA.ka / MRDP_PIDA.kd
 PIDA_1, PIDA_2 = double_zero(), double_zero(1.5)
 PPM_PIDA = Setting("PPM-PIDA", "eq. (25), printed", MRDP_PIDA.lag, kp=0.17, kd=0.45, ka=0.1157, ti=0.36)
@@ -185,8 +185,8 @@ def tune(
         N, from 0.5 (half rule) to 1 (average residence time, the default). Use 0 if the model was identified from the
         filtered output, since such a model includes the delay of the filter (sec. 3.1).
     cancelled : int, optional
-        Number of dominant poles, at -1/T_0, that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives
-        eq. (22), and a faster response.
+        Number of dominant poles, at -1/T_0, that the prefilter cancels. The default, 0, gives eq. (21). The value 1
+        gives eq. (22) and a faster response.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 
@@ -195,8 +195,8 @@ def tune(
     Design
         Controller (Fig. 1, eqs. (3), (4), (7) and (9)) and prefilter (eq. (20)). `pidalab.simulate_sampled` and
         `pidalab.portrait` apply the limits. Linear functions, such as `pidalab.margins`, ignore them. The filter is
-        part of the controller and therefore also filters the set point. The paper does not say whether it should.
-        `info` has
+        part of the controller and therefore also filters the set point. The paper does not say whether the set point
+        should be filtered. `info` has
 
         - ``setting``, ``n``, ``filter_time``: the arguments,
         - ``te``: the dead time that represents the filter, or 0 if the model includes the filter,

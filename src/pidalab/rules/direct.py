@@ -1,7 +1,7 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
 Symbols, controllers and range of models are the same as in `itae`, but the results are closer to the least ITAE. For
-set-point steps, the zeros of most of the best controllers cancel the poles of the model. For overdamped models with
+set-point steps, most optimal controllers have zeros that cancel the poles of the model. For overdamped models with
 long dead time, cancelling the poles raises the ITAE by up to 11 %. The formulas for load steps are fitted to
 controllers with Ms of at most 2.
 """
@@ -41,10 +41,10 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     ========================================================  =======  =======
 
     Ms is 1.76 to 2.21. With twice the default `alpha_d` and `alpha_a` it is up to 2.3, and with four times the default
-    up to 3.4. Check `pidalab.margins` if the filters are slower.
+    it is up to 3.4. Check `pidalab.margins` if your filters are slower.
 
-    These numbers apply if the process equals the model. In the paper's three examples the process differs from the
-    model, and the ITAE is 38 % larger, 10 % larger and 26 % smaller than with Table 1. This ITAE is 1.8 to 4.5 times
+    These numbers apply if the process equals the model. In the three examples of heo2023 it does not. There the ITAE is
+    38 % larger, 10 % larger and 26 % smaller than with `itae.pida_setpoint` and Table 1. This ITAE is 1.8 to 4.5 times
     the least ITAE for the process.
 
     Parameters
@@ -52,7 +52,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     model : Process
         `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
-        Filter time constants divided by the derivative and by the acceleration time, above 0.
+        Filter time constant divided by the derivative time, and likewise for the acceleration, above 0.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     """
     m = second_order(model)
     lag = _check.real("alpha_d", alpha_d, above=0.0) * m.tau / (2 * m.damping)
-    # The lead is negative for slow filters. A lower bound of 0 would make Ms large.
+    # `lead` is negative for slow filters. Limiting it to 0 would make Ms large.
     lead = 0.36 * m.delay - 0.391 * lag * lag / m.delay
     ki, a1 = 0.722 / (m.gain * m.delay), 2 * m.damping * m.tau
     return _from_gains(
@@ -94,8 +94,8 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
     other models the excess is 9 % on average and at most 29 %. Ms is 1.66 to 2.02. Without a limit on Ms, the least
     ITAE is on average only 37 % of the least ITAE for Ms ≤ 2, but Ms is up to 7.3.
 
-    With the rule of the paper (Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models the paper's
-    rule gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples the ITAE of the
+    With the rule of heo2023 (Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models that rule
+    gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples the ITAE of the
     paper's rule is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
 
     Parameters

@@ -39,7 +39,7 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     ms : float, optional
         Maximum sensitivity of the loop, above 1. The paper uses 1.4 (cautious) and 2.0 (fast).
     n : float, optional
-        Derivative time, divided by the time constant of its filter, above 0.
+        Derivative time divided by the time constant of the derivative filter, above 0.
     m : float, optional
         ``ta/m`` is the time constant of the acceleration filter, so m has the unit of time. By default ``n td``, which
         makes the design independent of the unit of time. The paper uses 10 for processes with lags near 1.
@@ -234,7 +234,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     model : Process
         The model.
     controller : PIDA
-        The controller. If it has acceleration, the filter is of second order, otherwise of first order.
+        If it has acceleration, the filter is of second order, otherwise of first order.
 
     Returns
     -------

@@ -51,7 +51,7 @@ UNSURE = 1.0  # a gain with at least this relative uncertainty is refused
 MOST_UPDATES = 300  # number of updates of the filter time before an error is raised
 NO_LIMIT = "; with n = m the noise gain has a lower bound: take a larger noise gain, or n above m"
 MOST_DERIVATIVES = 16  # with a larger order m, rounding errors of the areas dominate
-LOST = 1e-3  # largest accepted relative error of a gain caused by rounding the areas
+LOST = 1e-3  # a gain is refused if rounding the areas may change it by this fraction
 
 
 def gains(areas: ArrayLike, m: int) -> Array:
@@ -250,9 +250,11 @@ def tune_for_noise(
         As for `tune` and `filter_time`, and if the filter time does not converge. For n = m this happens if no filter
         gives so small a noise gain.
 
-    Notes ----- The paper's Fig. 5 has an initial value and four updates. With these, 69 of 70 filter times and gains in
-    Tables 3 to 5, and all 18 in Table 6, agree with the paper within a unit of the last digit. With the default number
-    of updates, they differ by up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
+    Notes
+    -----
+    With the initial value and the four updates of the paper, 69 of 70 filter times and gains in Tables 3 to 5, and all
+    18 in Table 6, agree with the paper within a unit of the last digit. If the updates continue until convergence, they
+    differ by up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -290,8 +292,8 @@ def tune_for_filter_noise(
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
     (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form of this transfer
-    function. It does not use the asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result
-    that differs by a few per cent if the filter is not much faster than the loop.
+    function, without the asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result that
+    differs by a few per cent if the filter is not much faster than the loop.
 
     For n above m + 1, the estimate of eq. (32) may lead to only a third of the requested noise gain (column σ_rel of
     Table 4).
@@ -332,9 +334,8 @@ def tune_for_filter_noise(
         time = math.exp(log_time)
         filtered_gains = [float(gain) for gain in _solved(series.lagged(plain, time, n), m)]
         ratio = filtered_noise_gain(filtered_gains, time, n, float(plain[0]), sample_time) / wanted
-        return math.log(
-            max(ratio, sys.float_info.min)
-        )  # the ratio is 0 where K_0 of a PI controller changes its sign
+        # The ratio is 0 where K_0 of a PI controller changes its sign.
+        return math.log(max(ratio, sys.float_info.min))
 
     low, high = _bracket(excess, math.log(_time_scale(plain) / 20))
     if high is None:
@@ -362,7 +363,7 @@ def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, flo
 def filtered_noise_gain(
     gains: Sequence[float], filter_time: float, n: int, static_gain: float, sample_time: float
 ) -> float:
-    """Return the H2 norm of the sampled form of eq. (21), for held white noise."""
+    """Return the H2 norm of the sampled form of eq. (21), for white noise held between samples."""
     h = _check.real("sample_time", sample_time, above=0.0)
     numerator = [1 / static_gain, *gains[2:]] if len(gains) > 2 else [gains[1]]
     A, b, c, d = discretise(np.array(numerator[::-1]), binomial(filter_time, n), h)
@@ -433,7 +434,7 @@ def _row(areas: Sequence[Fraction], r: int, size: int) -> list[Fraction]:
 
 
 def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
-    """Solve M K = C, eqs. (15) to (17), for areas that include the filter. Raise if this is not possible."""
+    """Solve M K = C, eqs. (15) to (17), for areas that include the filter. Raise if M is singular."""
     size = m + 2
     matrix = [_row(areas, r, size) for r in range(size)]
     result = series.solve(matrix, [Fraction(-1, 2), *[Fraction(0)] * (size - 1)])
@@ -445,7 +446,7 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
 
 
 def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
-    """Return the relative change of each gain for a step of each area, shape (m + 2, 2m + 4). It may be infinite."""
+    """Return the relative change of each gain if one area changes by its step, shape (m + 2, 2m + 4), or infinity."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]

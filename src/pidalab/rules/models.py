@@ -122,7 +122,7 @@ class StartingModels:
 
         itself = len(self.process.den) == 2 and self.process.den[-1] == 0
         if not itself and np.any(roots(self.process.den).real > 0):
-            raise ValueError("process must not be unstable: the rule's model comes from its step response")
+            raise ValueError("process must be stable or integrating: the model comes from its step response")
         if itself:
             return self.process
         # Leave out the largest lag, which hardly affects the initial slope.

@@ -52,7 +52,9 @@ class Constants(NamedTuple):
 
     @property
     def numerator(self) -> list[float]:
-        """Coefficients of N(x), highest power first. By eq. (4), the poles without filter solve x^2 e^x + N(x) = 0.
+        """Coefficients of N(x), highest power first.
+
+        By eq. (4), the poles of the loop without filter solve x^2 e^x + N(x) = 0.
 
         Returns
         -------
@@ -114,8 +116,8 @@ def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
     The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
-    each of them. For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of the
-    filter, -1/T_f.
+    the filter as with T_e. For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of
+    the filter, -1/T_f.
 
     Parameters
     ----------
@@ -208,7 +210,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     m : int
         Order of the highest derivative, at least 0.
     n : int
-        Order of the filter, at least m. 0 gives a PI controller without filter.
+        Order of the filter, at least m. ``n=0`` gives a PI controller without filter.
     te : float
         Dead time that represents the filter, above 0 (with ``n=0`` it must be 0). A larger value gives less noise and a
         slower loop.

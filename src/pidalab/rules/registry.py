@@ -6,8 +6,8 @@
 model            definition
 ===============  =====================================================================================================
 `process`        the process itself
-`reaction`       lag with dead time, from the steepest tangent of the step response and the time at which it
-                 reaches 63 %. If the process integrates, `integrator`.
+`reaction`       lag with dead time, from the steepest tangent of the step response and the time at which the
+                 response reaches 63 %. If the process integrates, `integrator`.
 `first_order`    `reduction.to_fopdt`
 `second_order`   `reduction.to_sopdt`
 `third_order`    `identification.three_point` of the step response
@@ -133,7 +133,7 @@ def find(name: str, *others: str) -> Rule:
     Raises
     ------
     ValueError
-        If the name is unknown. The message lists the known names.
+        If the name is unknown.
 
     Examples
     --------
