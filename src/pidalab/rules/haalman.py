@@ -27,10 +27,10 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
 
     The integral, derivative and acceleration times cancel the poles of the model, eq. (8): ``ti = a1``, ``td = a2/a1``,
     ``ta = a3/a1``. With the gain from `pidalab.gain_for_ms`, the loop of model and filtered controller, eq. (2), has
-    the maximum sensitivity `ms`. This loop does not contain the output filter of eq. (9).
+    the maximum sensitivity `ms`.
 
     Use `output_filter` or a prefilter of the set point. Otherwise a unit step of the set point moves the control signal
-    to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
+    to kp (1 + n + m²/ta) at once. The output filter, eq. (9), raises Ms slightly above `ms`.
 
     Parameters
     ----------

@@ -160,7 +160,7 @@ def pida_setpoint(
     model : Process
         `sopdt` within the range at the top of this module.
     alpha_d, alpha_a : float, optional
-        Filter time constant divided by the derivative time, and likewise for the acceleration, above 0.
+        Factors above 0. The filter time constants are ``alpha_d * tau_d`` and ``alpha_a * tau_a``.
     factors : tuple of float, optional
         Factors f_d and f_a. By default those of Table 1 for the given model (function `factors`).
 

@@ -7,10 +7,10 @@ are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 condi
 .. math:: \sum_{c=0}^{m+1} (-1)^{c+1} A_{2r+1-c} K_{c-1} = \begin{cases} -\tfrac12 & r = 0 \\ 0 & r = 1 \dots m+1,
           \end{cases}
 
-eqs. (15) and (16). Here A_k are the areas of process and filter in series. Areas with a negative index are 0. The last
-condition contains :math:`A_{2m+3}`, so 2m + 4 areas are needed. The equations are solved in exact fractions, because
-their condition number grows more than a hundredfold if m rises by 1. If the controller can cancel every pole of process
-and filter, the gains are unbounded and the equations are singular.
+eqs. (15) and (16). Here A_k are the areas (see `pidalab.areas`) of process and filter in series. Areas with a negative
+index are 0. The last condition contains :math:`A_{2m+3}`, so 2m + 4 areas are needed. The equations are solved in exact
+fractions, because their condition number grows more than a hundredfold if m rises by 1. If the controller can cancel
+every pole of process and filter, the gains are unbounded and the equations are singular.
 
 The conditions do not ensure stability. If the delay dominates or the process oscillates, the loop is unstable for some
 m.

@@ -10,13 +10,13 @@ which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
-With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of
+With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le k} a^i/i!`, the coefficient of
 :math:`x^j` in N is
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
 In particular :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`. In double
-precision the formula for :math:`c_j` is accurate to 14 digits for m up to at least 24.
+precision the formula for :math:`c_j` is accurate to 14 digits, at least for m up to 24.
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         - ``weights``: b_0, b_1, ... of the prefilter,
         - ``ie``: the integral of the error after a unit step of the set point (the IAE if the error does not change its
           sign),
-        - ``smallest_te``: the result of the function `smallest_te`, times the dead time.
+        - ``smallest_te``: the result of the function `smallest_te`, times the dead time of the model.
 
     Raises
     ------
