@@ -321,7 +321,7 @@ def load_factors(model: Process) -> Factors:
     Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust. For all models of
     the range the loop is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least
     ITAE of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 the
-    loop is unstable for seven of these 40 models. `direct.load` is closer to the least ITAE.
+    loop is unstable for seven of these models. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------

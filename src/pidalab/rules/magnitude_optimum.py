@@ -372,7 +372,7 @@ def filtered_noise_gain(
 
 
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
-    """Raise if the loop is not certainly stable."""
+    """Raise if the loop is unstable or may be unstable."""
     try:
         verdict = "" if is_stable(loop) else "is unstable"
     except ArithmeticError as reason:
