@@ -260,7 +260,7 @@ MESSAGES = {
         ),
         (partial(pidalab.margins, Loop(fopdt(1, 1, 1e3), PID.discretise(5e-4))), r"must be at most 1e\+06 samples"),
         (partial(pidalab.gain_for_ms, Loop(P, digital_pi), 1.4), "controller must be continuous, found a digital one"),
-        (partial(pidalab.gain_for_ms, Loop(ipdt(1.0, delay=0.0), 1.0), 1.4), "no gain of .* reaches ms = 1"),
+        (partial(pidalab.gain_for_ms, Loop(ipdt(1.0, delay=0.0), 1.0), 1.4), "no gain of .* rises to ms = 1"),
         (partial(pidalab.bandwidth, Loop(UNIT, 2.0)), "unstable"),
         (partial(pidalab.relative_noise_gain, Loop(CHAIN, 9.0)), "stable"),
         (partial(shortest, lambda loop: False, longest=0.2), r"holds must be true at longest = 0\.2"),

@@ -461,7 +461,7 @@ class Evidence:
     remark : str, optional
         Number of cases, name of the decisive case, and range of left / right.
     but : Evidence, optional
-        For a statement that holds in part, the inequality that fails. In the row it follows `` || ``.
+        For a statement that holds in part, the inequality that fails. In the row it follows ``||``.
 
     Examples
     --------

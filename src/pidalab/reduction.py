@@ -2,8 +2,8 @@ r"""Reduce any stable process to a model of first or second order with dead time
 
 Both reductions keep the static gain and the phase at the ultimate frequency :math:`\omega_u`, at which the phase of
 :math:`G(j\omega)/G(0)` first falls below :math:`-\pi`. The paper names its source for the reduction but does not give
-the method. The method used here gives all 24 parameters of Tables 4 to 6. With other weights, or with 9 or 11
-frequencies, the second-order models differ in the third decimal.
+the method. The method used here reproduces all 24 parameters of Tables 4 to 6. With other weights, or with 9 or 11
+frequencies, the second-order models differ from the tables in the third decimal.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pidalab.process import Process, fopdt, require_process, sopdt
 from pidalab.robustness.in_z import axis_of
 from pidalab.roots import roots
 
-LEAST_LAG = 1e-9  # smaller values of tau wu (first order) or (tau wu)^4 (second order) are rounding
+LEAST_LAG = 1e-9  # smaller values of tau wu (first order) or (tau wu)^4 (second order) are rounding errors
 
 
 class FirstOrderModel(NamedTuple):
@@ -72,7 +72,7 @@ def ultimate_frequency(process: Process) -> float:
     Raises
     ------
     TypeError, ValueError
-        If the process has another type, is unstable, or has two integrators, no static gain or no ultimate frequency.
+        If `process` is not a `Process`, is unstable, or has two integrators, no static gain or no ultimate frequency.
         Without dead time, lags and zeros must turn the phase by more than 180°, as three lags do.
 
     Examples
@@ -141,7 +141,7 @@ def turned_phase(process: Process, w: Array) -> Array:
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""Reduce a process to a first-order model with dead time that agrees with it at 0 and the ultimate frequency.
+    r"""Find the first-order model with dead time that equals a process at frequency 0 and the ultimate frequency.
 
     The parameters follow from :math:`m = |G(j\omega_u)/G(0)|`:
 
@@ -196,15 +196,16 @@ def to_fopdt(process: Process) -> FirstOrderModel:
 def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     r"""Reduce a process to a second-order model with dead time, by least squares up to the ultimate frequency.
 
-    With :math:`g(\omega) = |G(j\omega)/G(0)|^2` and equally spaced frequencies from 0 to :math:`\omega_u` (both
-    included), :math:`a` and :math:`b` are the least-squares solution of
+    With :math:`g(\omega) = |G(j\omega)/G(0)|^2` at equally spaced frequencies from 0 to :math:`\omega_u` (both
+    included), :math:`a` and :math:`b` solve the first of these equations by least squares. The other two equations then
+    give τ and ζ:
 
     .. math:: g(\omega)\,(1 + a\,\omega^2 + b\,\omega^4) = 1, \qquad
               b = \tau^4, \quad a = 4\tau^2\zeta^2 - 2\tau^2.
 
-    The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. The dead time is never negative, because
-    the model without it turns the phase by at most :math:`\pi`. A process that is already a second-order model with
-    dead time is returned unchanged, for any damping.
+    The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. The dead time is never negative, because a
+    second-order lag turns the phase by at most :math:`\pi`. A process that is already a second-order model with dead
+    time is returned unchanged, for any damping.
 
     ============  ==================
     heo2023       here

@@ -353,7 +353,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # `_top` uses the exact area, so its error is about a quarter of the error of the samples.
+            # `_top` uses the exact area, so it misses less than the samples do: here a quarter is assumed.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)

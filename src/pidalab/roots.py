@@ -1,9 +1,9 @@
 r"""Roots of a polynomial from its coefficients, including multiple roots.
 
-The eigenvalues of a companion matrix scatter an n-fold root over a circle. For 30 equal lags, for example, the time
-constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, which Gauss-Newton
-steps fit to the coefficients. The multiple root is accepted if its polynomial agrees with the coefficients at least as
-well as the polynomial of the scattered roots.
+The eigenvalues of a companion matrix scatter an n-fold root over a circle. For 30 equal lags, for example, the computed
+time constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, which
+Gauss-Newton steps fit to the coefficients. The multiple root is accepted if its polynomial agrees with the coefficients
+at least as well as the polynomial of the scattered roots.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _of_nonzero(coefficients: Array) -> Any:
     if degree == 2:
         return _in_pairs(_of_quadratic(scaled) * scale)
     scattered = np.roots(scaled)
-    # The eigenvalues of an n-fold root differ from it by about eps^(1/n), which limits the search radius.
+    # The computed copies of an n-fold root differ from the root by about eps^(1/n). This limits the search radius.
     scatter = 8 * np.finfo(float).eps ** (1 / degree)
     apart = np.abs(scattered[:, None] - scattered[None, :]) + 9.0 * np.eye(degree) * np.abs(scattered)
     if degree <= TRUSTED_DEGREE and np.min(apart / np.abs(scattered)) > scatter:
@@ -125,9 +125,9 @@ def _difference(scaled: Array, values: Any, times: Array, size: Array) -> float:
 
 
 def _sizes(scaled: Array) -> Array:
-    """Return typical sizes of the coefficients, from the lowest concave curve above their logarithms."""
-    # The curve is the Newton polygon, whose slopes are the logarithms of abs(root). A coefficient whose terms cancel
-    # may lie far below the curve, and a difference relative to it would be meaningless.
+    """Return typical sizes of coefficients, from the lowest concave curve above their logarithms (Newton polygon)."""
+    # A coefficient whose terms cancel may lie far below the curve, and a difference relative to this coefficient would
+    # be meaningless.
     k = np.flatnonzero(scaled)
     corners: list[tuple[int, float]] = []
     for point in zip(k.tolist(), np.log(np.abs(scaled[k])).tolist(), strict=True):
@@ -159,7 +159,7 @@ def _polished(scaled: Array, values: Any, times: Array, size: Array) -> tuple[An
     """Refine multiple roots by Gauss-Newton steps on the coefficients. Return roots and remaining difference."""
     real, best, least = values.imag == 0, values, _difference(scaled, values, times, size)
     weight = 1 / size[1:]
-    # A multiple root of known multiplicity is well conditioned. Only its separate copies scatter.
+    # The fit is well conditioned, because the multiplicities are known.
     for _ in range(8):
         if least <= SAME_COEFFICIENTS * scaled.size:
             break

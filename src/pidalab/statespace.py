@@ -35,7 +35,7 @@ class Part(NamedTuple):
     A: Array  # (n, n)
     b: Array  # (n,)
     c: Array  # (n,)
-    poles: Any  # (n,), by modulus
+    poles: Any  # (n,), sorted by modulus
 
 
 def parallel(*fractions: tuple[Array, Array]) -> tuple[tuple[Part, ...], float]:
@@ -72,7 +72,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
     numerator: Any
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
     if n <= FEW_STATES:
-        # Powers of x = s/unit preserve the digits of the static gain if a filter is much faster than a sample.
+        # Powers of x = s/unit preserve the digits of the static gain if a filter time is far below the sample time.
         q = monic([p / unit for p in own])
         M = np.eye(n, k=-1)
         M[:, -1] = [-c for c in q]
@@ -97,7 +97,7 @@ def monic(poles: list[complex]) -> list[float]:
 
 
 def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
-    """Divide num (in descending powers of x) by all x - p, modulo q (see `monic`). Return the lowest power first."""
+    """Return num (descending powers of x) divided by all x - p, modulo q (see `monic`), in ascending powers."""
     v: list[complex] = [0.0] * len(q)
     for coefficient in num:
         top = v[-1]
@@ -127,8 +127,8 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
 def _chain(poles: Any) -> Array:
     """Return the matrix of multiplication by x, modulo the polynomial of the poles.
 
-    The matrix acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... Polynomials of high degree would lose digits
-    in powers of x.
+    The matrix acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... In powers of x, polynomials of high degree
+    would lose digits.
     """
     M = np.diag(poles.real) + np.eye(poles.size, k=-1)
     for i in np.flatnonzero(poles.imag > 0):
@@ -138,7 +138,7 @@ def _chain(poles: Any) -> Array:
 
 def numerator(part: Part) -> Any:
     """Return the numerator of a part in descending powers. The denominator is the monic polynomial of its poles."""
-    # `now` is the polynomial of the present state, and `before` that of the previous state.
+    # `now` is the polynomial of the present state, and `before` the polynomial of the previous state.
     before, now, total = np.zeros(1), np.ones(1), np.zeros(1)
     for i in range(part.b.size):
         total = np.polyadd(total, part.b[i] * now)

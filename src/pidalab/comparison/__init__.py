@@ -20,7 +20,7 @@ from pidalab.rules import Design
 from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
 
-PERIODS = 12.0  # length of the first simulated response, in ultimate periods of the plant
+PERIODS = 12.0  # length of a simulation at the first attempt, in ultimate periods of the plant
 RELATIVE_NOISE_GAIN = 1.5  # default limit of the relative noise gain
 COMPARISON_COLUMNS = {
     "IAE load": "iae_load",
@@ -35,14 +35,14 @@ TEXT_WIDTHS = {"rule": 27, "kind": 5}
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of `compare`, with one row for each rule and kind, followed by rows for the optima.
+    """Result of `compare`, with one row for each rule and kind of controller, followed by the optima.
 
     Attributes
     ----------
     process : Process
         The plant.
     ms, noise_gain, sample_time : float
-        The limits of the optima, and the sample time of the noise.
+        Limits of Ms and noise gain for the optima, and the sample time of the noise.
     rows : tuple of DesignRow
         Measured designs.
     """
@@ -64,7 +64,7 @@ class Comparison:
         Returns
         -------
         bool
-            False if a limit is exceeded or the noise gain is unknown.
+            False also if the noise gain is unknown.
 
         Examples
         --------
@@ -113,7 +113,7 @@ def compare(
         the relative noise gain in the table.
     rules : iterable of str, optional
         Names from `pidalab.rules.registry`, or "optimal". By default the optima and all rules except improved simc and
-        those of Chien, Hrones and Reswick.
+        the rules of Chien, Hrones and Reswick.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def designs(
 
 
 def first_horizon(process: Process) -> float:
-    """Return the end of the first simulated response, estimated from the speed of a well-tuned loop."""
+    """Return the length of a simulation at the first attempt, estimated from the time scale of the plant."""
     try:
         return PERIODS * noise_scale(process).period
     except ValueError:

@@ -1,7 +1,7 @@
 """Compare a rule, given as a function, with all rules of the library and the optima on 134 plants.
 
 `judge` measures each design as published, and again after scaling to the same maximum sensitivity and noise
-(`pidalab.comparison.at_equal_terms`). The results of the library's rules and the optima are stored in tables.
+(`pidalab.comparison.at_equal_terms`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from pidalab.rules.models import StartingModels
 
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # about two and ten times the relative noise gain of a PI
+NOISE = {"quiet": 0.3, "loud": 1.5}  # limits of the relative noise gain: about 2 and 10 times that of a PI
 # columns of `Benchmark.as_published` and of `Benchmark.ranking`
 PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")
 RANKED = ("plants", "of its kind", "of all", "worst tenth")
@@ -75,7 +75,7 @@ def judge(
     Parameters
     ----------
     rule, kind : str
-        Name of the rule and kind of controller, for the rows. If `kind` is empty, the kind of the design is used.
+        Name of the rule and kind of controller. If `kind` is empty, the kind of the design is used.
     make : callable
         Function that returns the design, or raises ValueError if the rule does not apply.
     process : Process
@@ -116,7 +116,7 @@ def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[di
     """Return the measures of a design that is scaled to `EQUAL_MS` and to each limit of `NOISE`, "loud" first."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
-        # If the previous design has the shortest filter and its noise is also below this limit, use it again.
+        # If the previous row has the shortest filter time and keeps this noise limit too, use the row again.
         if rows and rows[-1].get("filter_time") == 1 / SAMPLES and rows[-1]["noise_gain"] <= noise:
             rows.append(rows[-1] | {"terms": terms})
         else:
@@ -153,8 +153,8 @@ class Benchmark:
     rows : pandas.DataFrame
         A row for each plant and each of three ``terms``: ``own`` (the rule as published), ``loud`` and ``quiet``
         (scaled to equal Ms and to a noise limit). Measures are in units of the plant's ultimate gain and period.
-        ``of_kind`` is IAE / (least IAE of the kind), ``of_best`` is IAE / (least IAE of all kinds), and ``reason`` is
-        the reason of a refusal.
+        ``of_kind`` is IAE / (least IAE of the kind of controller), and ``of_best`` is IAE / (least IAE of all kinds).
+        ``reason`` says why the rule refused.
     """
 
     name: str
@@ -171,9 +171,9 @@ class Benchmark:
         Returns
         -------
         pandas.DataFrame
-            A row for each rule and kind with the number of plants. "of its kind" is the median of IAE / (least IAE of
-            the kind). "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that IAE /
-            (least IAE of all kinds) exceeds on a tenth of the plants.
+            A row for each rule and kind of controller. "of its kind" is the median of IAE / (least IAE of the kind).
+            "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that IAE / (least IAE
+            of all kinds) exceeds on a tenth of the plants.
 
         Raises
         ------
@@ -366,17 +366,17 @@ def benchmark(
     Parameters
     ----------
     rule : callable
-        Function that takes a `Process` (its model of the plant) and returns a controller or a `Design`. If the rule
-        does not apply, it must raise ValueError.
+        Function that takes a `Process` (a model of the plant) and returns a controller or a `Design`. If the rule does
+        not apply, it must raise ValueError.
     name : str, optional
         Name in tables. By default the name of the function.
     model : str, optional
         Model that is passed to the rule: ``process``, ``reaction``, ``first_order``, ``second_order``, ``third_order``
         or ``integrator``. The module `pidalab.rules.registry` defines them.
     plants : iterable of str, optional
-        Names of plants. By default all 134.
+        Names of plants. By default all.
     executor : concurrent.futures.Executor, optional
-        Pool of processes or cluster. Its workers must be able to import the rule. Without an executor, the
+        Pool of worker processes, or a cluster. The workers must be able to import the rule. Without an executor, the
         benchmark takes about a minute.
 
     Returns
@@ -386,7 +386,7 @@ def benchmark(
     Raises
     ------
     TypeError, ValueError
-        If the rule is not callable or returns another type, or if a name is unknown.
+        If the rule is not callable or returns neither a controller nor a `Design`, or if a name is unknown.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Scale a design to a given robustness and noise, so that the errors of designs are comparable."""
+"""Scale a design to a given robustness and noise, so that the IAE of different designs can be compared."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from pidalab.roots import border
 from pidalab.rules import Design
 from pidalab.rules.models import time_scale
 
-LONGEST_FILTER = 1e4  # longest tried filter, in sample times
+LONGEST_FILTER = 1e4  # longest filter time that is tried, in sample times
 LEAST_SCALE = 0.01  # smallest factor of the gains; with smaller gains a controller has no effect
 TIME_RTOL = 1e-7  # relative accuracy of the filter time
-DENSITY = 4  # with this factor on the usual number of frequencies, the noise gain has six digits
+DENSITY = 4  # this factor times the usual number of frequencies gives six digits of the noise gain
 
 
 def at_equal_terms(
@@ -29,10 +29,10 @@ def at_equal_terms(
 ) -> Design:
     r"""Scale the gain and the filter of a design to a given maximum sensitivity and noise gain.
 
-    The ratios of the gains, and so ti, td and ta, do not change. The filters of the rule are replaced by that of
-    `pidalab.optimal`, :math:`1/(1 + T_f s)^{m+1}` for all actions, where m is the order of the highest derivative.
-    :math:`T_f` is the shortest filter time that keeps the noise gain within its limit, but at least the sample time.
-    The gain is the largest with which Ms is at most `ms`.
+    The ratios of the gains, and so ti, td and ta, do not change. The filter of `pidalab.optimal`,
+    :math:`1/(1 + T_f s)^{m+1}`, replaces the filters of the rule and acts on all terms. Here m is the order of the
+    highest derivative. :math:`T_f` is the shortest filter time that keeps the noise gain within its limit, but at least
+    the sample time. The gain is the largest with which Ms is at most `ms`.
 
     Parameters
     ----------
@@ -50,8 +50,7 @@ def at_equal_terms(
     Returns
     -------
     Design
-        Design with a `HighOrderPID`. `info` has the ``factor`` of the gains, ``ms``, and ``noise_gain``. If the filter
-        time equals the sample time, the noise gain may be below its limit.
+        Design with a `HighOrderPID`. `info` has the ``factor`` of the gains, ``ms``, and ``noise_gain``.
 
     Raises
     ------
@@ -92,7 +91,7 @@ def at_equal_terms(
 
 
 def gains_of(controller: Controller) -> Array:
-    """Return the gains from the integral gain up to that of the highest derivative."""
+    """Return the gains from the integral gain up to the gain of the highest derivative."""
     values = controller.coefficients if isinstance(controller, HighOrderPID) else controller.gains()
     gains = np.trim_zeros(np.array(values), "b")
     return np.append(gains, np.zeros(max(0, 2 - gains.size)))
@@ -130,5 +129,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
     # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So return a filter
-    # time within the limit.
+    # time that was found to keep the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

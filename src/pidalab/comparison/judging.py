@@ -1,4 +1,4 @@
-"""Measure the loop of a design with a plant, and print such measures as a table of text or HTML."""
+"""Measure the loop of a design and a plant, and format the measures as a text or HTML table."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pidalab.simulation.exact import load_response, simulate_until_settled, step
 
 
 class DesignRow(NamedTuple):
-    """Measures of a design on a plant. A measure that could not be computed is NaN, and `reason` says why.
+    """Measures of a design on a plant. A measure that could not be computed is NaN.
 
     Attributes
     ----------
@@ -45,8 +45,8 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        `ms_worst` is the largest Ms on the other plants with which the design is tested. For a digital controller, it
-        is the Ms of the sampled loop. `iae_worst` is the IAE with the plant of `ms_worst`.
+        `ms_worst` is the largest Ms on the other plants with which the design is tested. For a digital controller, Ms
+        of the sampled loop is used. `iae_worst` is the IAE with the plant that gives `ms_worst`.
     price : float
         IAE, divided by the IAE of a design for which `ms_worst` is not limited.
     ms_sampled : float
@@ -108,7 +108,7 @@ def measure_row(
     sample_time : float or None
         Sample time of the noise. If it is None, the noise gain is not computed.
     horizon : float
-        End of the first simulation.
+        Length of the simulations at the first attempt. They are made longer until the responses settle.
 
     Returns
     -------

@@ -29,7 +29,7 @@ The denominator is written as a polynomial of p, and the states are
 
 .. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
 
-so the static gain is again exact.
+so the static gain is exactly 1, even in single precision.
 
 =========  ====================================  =================================
 method     M                                     target v_k

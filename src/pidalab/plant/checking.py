@@ -103,7 +103,7 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step over the IAE with the best gains of the same kind, Ms and noise gain, in %.
+        """Excess in % of the IAE of a load step over the IAE that the best gains of equal kind, Ms and noise gain have.
 
         The loss is negative if the running gains are better than all gains that the search found. (The search uses no
         filter faster than the sample time.) If the search found no gains, the loss is nan.
@@ -205,8 +205,8 @@ def check(
     if gains.ki * sign_of_gain(process) < 0:
         raise ValueError(
             f"controller must have gains of the same sign as the plant, found kp = {gains.kp:.4g} for a plant of gain "
-            f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the log does not show "
-            "the plant: record u as limited by the actuator, and change the set point during the record"
+            f"{fitted.parameters['gain']:.3g}: the output would run away. If the sign is right, the fitted gain is "
+            "wrong: record u as limited by the actuator, and change the set point during the record"
         )
     share, better = explained_by(controller, output_filter, log)
     if share < EXPLAINED:
@@ -231,7 +231,7 @@ def check(
 
 
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
-    """Return how much of the sample-to-sample changes of u a controller explains (a share), and the best gain.
+    """Return the share of the sample-to-sample changes of u that a controller explains, and the best gain.
 
     The share is nan if u is constant in most samples, as in open loop. The best gain is the proportional gain
     of a least-squares fit from the changes of y to those of u.

@@ -9,10 +9,10 @@ DOUBTS = {
     # doubts about a record
     "missing": "{count} of {total} samples had a missing value and were left out",
     "same time": "{count} sample(s) had the same time as another sample and were averaged",
-    "counter": "the time restarts {count} time(s), at {counter:.6g}, and was continued",
+    "counter": "the time is a counter that returns to 0 at {counter:.6g} ({count} time(s)): it was continued",
     "newest first": "the newest sample came first: the order was reversed",
     "not in order": "the times were not in order, first at {where}, and were sorted",
-    "counted": "column {name!r} only numbers the samples: period = {period:g} was used for the times",
+    "counted": "column {name!r} has sample numbers, not times: the times follow from period = {period:g}",
     "left out": "left out: {note}",
     "few before": "only {count} sample(s) before the input changes: the state of rest is uncertain",
     "drifting": "the output drifts by {drift:.3g} before the step: it was not at rest",

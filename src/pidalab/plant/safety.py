@@ -72,7 +72,8 @@ class LoopEvaluator:
         return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
-        """Return the largest Ms with any of the plants (0 without plants). `reason` is the first by alphabet."""
+        """Return the largest Ms with any of the plants (0 without plants)."""
+        # Of several reasons, keep the first in the alphabet.
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")

@@ -28,7 +28,8 @@ RULES = {
 }
 SHARES = (0.2, 1.0)  # ratios of dead time to lag of the first-order models
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
-SETTLED = 0.05  # largest relative deviation of a period, and share of samples between the levels of u
+# Largest relative deviation of a period, and also the largest share of samples between the levels of u.
+SETTLED = 0.05
 OFF_PHASE = 10.0  # a doubt is given if the phase differs from -180 by more degrees than this
 
 

@@ -1,9 +1,10 @@
 """Find crossovers and peaks along the frequency axis, for continuous and sampled loops.
 
-The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of L is smooth between grid
-points, but the dead time turns the phase without bound. A grid step is therefore divided further if the dead time turns
-the phase quickly within the step *and* the step may contain a crossover or peak. A step may contain a crossover if the
-magnitude of L is large enough. It may contain a peak if an upper bound within the step exceeds the highest peak so far.
+The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of the loop transfer function L
+is smooth between grid points, but the dead time turns the phase without bound. A grid step is therefore divided further
+if the dead time turns the phase quickly within the step *and* the step may contain a crossover or peak. A step may
+contain a crossover if the magnitude of L is large enough, and a peak if an upper bound of the values within the step
+exceeds the highest value so far.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ import numpy as np
 
 from pidalab._check import Array
 
-PER_DECADE = 120  # number of grid points per decade
+PER_DECADE = 120  # grid points per decade
 MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memory
 # Largest angle in rad by which the dead time turns the phase between two points: FINE_STEP for peaks, COARSE_STEP for
 # phase crossovers.
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if cos(angle of L) is above this value at both ends of the step.
 NEAR_POSITIVE_AXIS = 0.5
-ROUNDING = 1e-12  # smaller |log |L||, relative imaginary parts and relative differences count as 0
+ROUNDING = 1e-12  # a smaller modulus of log |L|, relative imaginary part or difference counts as 0
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
-DETOUR = 1.5  # assumed largest value of (length of the path of L between two points) / (their distance)
+DETOUR = 1.5  # assumed upper bound of (length of the path of L between two points) / |L2 - L1|
 NO_HIGHER = 1e-11  # a peak is sought only if its bound exceeds (1 + this) * the highest peak so far
 TINIEST = 1e-300  # a smaller |L| counts as 0
 HUGE = 1e9  # where |L| is above this, a jump of the phase is due to a pole on the axis
@@ -39,7 +40,7 @@ SAME_CROSSING = 1e-8
 # The refinement of a peak ends when step / (width of the first bracket) is at most SAME_PEAK. The step of finite
 # differences is DIFFERENCE_STEP times the distance of the middle point to its nearer neighbour.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
-# A long grid step is divided into pieces with this number of points. A piece is either skipped or computed as a whole.
+# A long grid step is divided into pieces with this number of points.
 PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
@@ -47,7 +48,7 @@ QUICK = 12.0
 # Before the search on the grid, peaks are sought around at most this number of gain crossovers.
 MOST_PROBED = 20
 TO_AN_END = 1e-7  # a peak counts only if it exceeds (1 + this) * the limits at both ends of the axis
-# The characteristic function N + D counts as 0 if its modulus is at most this number times |N| + |D|.
+# The characteristic function N + D of L = N/D counts as 0 if its modulus is at most this number times |N| + |D|.
 ON_CONTOUR = 1e-9
 SENSITIVITY, COMPLEMENTARY, DIFFERENCE = 0, 1, 2  # kinds of peaks: |S|, |T|, half of |S - T|
 # (distances of grid points from a lightly damped root) / (modulus of the real part of the root)
@@ -67,7 +68,7 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a frequency grid from 1e-4 times the slowest root (in modulus) to 1e4 times the fastest, at most to `end`.
+    """Return a frequency grid for some roots: 1e-4 times the least modulus to 1e4 times the largest, at most `end`.
 
     The inverse of the dead time counts as a root.
     """
@@ -114,8 +115,8 @@ def zeros(function: Callable[[Any], Any], w: Array, values: Array, allowed: Any 
     -----
     Ridders' method is applied to all zeros at once. Invariant: the function has different signs at the ends `low` and
     `high` of each bracket, and either end may be the larger frequency. Each iteration at least halves the bracket, and
-    near a simple zero it doubles the number of correct digits. If the function is exactly 0 at `place`, both ends of
-    the bracket are moved to `place`.
+    near a simple zero it doubles the number of correct digits. If the function is exactly 0 at the new estimate
+    `place`, both ends of the bracket are moved to `place`.
     """
     i = np.flatnonzero((values[:-1] * values[1:] < 0) & allowed)
     low, high, at_low, at_high, place = w[i], w[i + 1], values[i], values[i + 1], w[i]
@@ -168,7 +169,7 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
 
 
 def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Array, Array]:
-    """Return the frequencies where |L| = 1, ascending, and the frequencies of extrema of |L| near 1."""
+    """Return the frequencies where |L| = 1, ascending, and the frequencies of extrema at which |L| is near 1."""
 
     def logarithm(w: Any, sign: float = 1.0) -> Any:
         _, num, den = at(w)
@@ -247,7 +248,7 @@ class Axis(ABC):
 
     @abstractmethod
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count the zeros of the characteristic function to the right of a contour. Return None if a zero lies on it.
+        """Count zeros of the characteristic function right of a contour. Return None if one lies on the contour.
 
         The contour is s = jω - contour_slope * ω - contour_shift.
         """
@@ -325,7 +326,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies near the fastest gain crossovers, where L turns quickly and comes near -1."""
+        """Return frequencies near the highest gain crossovers, where L turns quickly and comes near -1."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers
@@ -348,9 +349,9 @@ class Axis(ABC):
 
         Notes
         -----
-        `best` is the highest value so far, and `most` is an upper bound of the height within each step of the grid.
-        Only steps whose bound exceeds `best` are divided, in the order of falling bounds. A local maximum of three
-        points is refined only if its bound exceeds `best`. So no peak above the result is missed. The values at
+        `best` is the highest value so far, and `most` is an upper bound of the values within each step of the grid.
+        Only steps whose bound exceeds `best` are divided, in the order of falling bounds. A local maximum on the grid
+        is refined only if the bound around it exceeds `best`. So no peak above the result is missed. The values at
         `_probes` are computed first, because a high `best` saves work.
         """
 
@@ -395,8 +396,7 @@ class Axis(ABC):
                 & (inner * (1 - ROUNDING) > np.fmin(before, after))
                 & ~(np.fmax(most[:-1], most[1:]) <= best * (1 + NO_HIGHER))
             )
-            # Between a point and its neighbour, |1 + L| falls below its value at the point by at most the length of the
-            # path of L.
+            # From a point to its neighbour, |1 + L| decreases by at most the length of the path of L between them.
             three = hills + np.array([[-1], [0], [1]])
             L = samples.num[three] / samples.den[three]
             distance = np.abs(1 + L)

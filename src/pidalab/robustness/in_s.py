@@ -1,4 +1,4 @@
-"""Evaluate a continuous loop along the frequency axis, by its poles and zeros."""
+"""Evaluate a continuous loop along the frequency axis, from its poles and zeros."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from pidalab.roots import roots
 
 # If the dead time turns the phase by more than this angle in rad, rounding hides a fraction of a turn.
 UNCERTAIN_TURNS = 1e12
-FAR_PER_DECADE = 12  # number of grid points per decade, far from all corner frequencies
+FAR_PER_DECADE = 12  # grid points per decade, far from all corner frequencies
 CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse
 
 
 class LoopFactors(NamedTuple):
     """L(s) = gain * prod(s - zeros) / prod(s - poles) * e^(-s delay).
 
-    `speeds` holds the modulus of each pole. A pole at 0 has the speed of the slowest other pole, if there is one.
+    `speeds` holds the modulus of each pole, and a positive number for a pole at 0.
     """
 
     gain: float
@@ -118,15 +118,15 @@ class AxisInS(Axis):
         return Samples(w, *self.factors.fraction(1j * np.asarray(w)))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        r"""Count zeros of the characteristic function f to the right of a contour. Return None if a zero lies on it.
+        r"""Count zeros of the characteristic function f right of a contour. Return None if one lies on the contour.
 
         Notes
         -----
         With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1 between two gain crossovers, 1 + L stays right of the
-        imaginary axis. So the change of angle(f) is the change of angle(D) plus the change of angle(1 + L). Where
-        \|L\| > 1, the same holds for N and 1 + 1/L. Along a straight line, the angle of each factor s - root changes
-        by less than half a turn, and the angle of e^(-s delay) changes by -delay times the change of ω. So the values
-        at the gain crossovers suffice.
+        imaginary axis, so its principal angle does not jump. The change of angle(f) is the change of angle(D) plus the
+        change of angle(1 + L). Where \|L\| > 1, N and 1 + 1/L take the place of D and 1 + L. Along a straight line, the
+        angle of each factor s - root changes by less than half a turn, and the angle of e^(-s delay) changes by -delay
+        times the change of ω. So the values at the gain crossovers suffice.
         """
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope

@@ -1,7 +1,7 @@
 r"""Evaluate a sampled loop along the unit circle, with exact dead time.
 
 Within a sample interval h, the delayed input v of the plant is constant, or constant in each of two pieces (see
-`statespace`). With the delay :math:`m_j` of piece j in samples, the state is
+`statespace`). If the input in piece j is :math:`m_j` samples old, the state is
 :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function from sample to sample is
 
 .. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0}.
@@ -110,7 +110,7 @@ class AxisInZ(Axis):
         return Samples(w, *self.transfer(1j * w))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count zeros of the characteristic function outside of a contour. Return None if a zero lies on it.
+        """Count zeros of the characteristic function outside a contour. Return None if one lies on the contour.
 
         The contour is z = e^(s h) with s = jω - contour_slope * ω - contour_shift: the unit circle or a spiral.
 

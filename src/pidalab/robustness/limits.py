@@ -13,23 +13,24 @@ to 1: its slope is at most 1, and its value is 0 only at 0. The criterion of Pop
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
-With θ = 0 this is the circle criterion. For this sector its circle is the half plane left of -1. If either criterion
-holds, the loop comes to rest from every initial state. The theorem makes three assumptions:
+With θ = 0 this is the circle criterion. For this sector the circle is the half plane left of -1. If either criterion
+holds, the loop comes to rest from every initial state. This theorem makes three assumptions:
 
-- F is strictly proper. Its poles lie left of the imaginary axis, except that an integrating process may have a simple
-  pole at 0. With this pole (Popov's particular case) the sector excludes the gain 0, which does not stabilise the loop.
-  The residue of the pole must be positive, so that every small gain stabilises the loop. The theorem requires θ > 0 in
-  this case. The circle criterion still suffices: ωG is bounded, so a positive margin remains positive with a small θ.
+- F is strictly proper. Its poles lie left of the imaginary axis. The only exception is a simple pole at 0 of an
+  integrating process. With this pole (Popov's particular case) the sector excludes the gain 0, because this gain does
+  not stabilise the loop. The residue of the pole must be positive, so that every small gain stabilises the loop. The
+  theorem requires θ > 0 in this case. The circle criterion still suffices: ωG is bounded, so a margin that is positive
+  with θ = 0 remains positive with a small θ.
 - The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
-- The inequality is strict, also in the limits for ω to 0 and to infinity.
+- The inequality is strict, also in the limits for ω → 0 and ω → ∞.
 
 A dead time is allowed (Popov and Halanay, 1962). Both criteria are sufficient, not necessary: a loop that meets neither
 may still come to rest from every state.
 
-With the pole at 0, write :math:`F = E/s`. Since :math:`F_r(0) = 1`, the real part in the criterion then tends to
-:math:`E'(0) + \theta E(0)` for ω to 0. For the controllers of huba2024 this limit is
-:math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative the circle criterion never holds. The
-limit for ω to infinity, :math:`1 - \theta/T_i`, bounds the multiplier.
+If F has the pole at 0, write :math:`F = E/s`. Since :math:`F_r(0) = 1`, the real part in the criterion then tends to
+:math:`E'(0) + \theta E(0)` for ω → 0. For the controllers of huba2024 this limit is
+:math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative (:math:`K_d = 0`) the circle criterion
+never holds. For ω → ∞ the limit is :math:`1 - \theta/T_i`, so θ must be below :math:`T_i`.
 """
 
 from __future__ import annotations
@@ -232,9 +233,9 @@ def popov(loop: Loop) -> Criterion:
 
     Notes
     -----
-    At each frequency, the expression in the criterion is linear in θ. So each infimum found gives a straight line that
-    the margin cannot exceed. The next infimum is computed at the θ where the minimum of all lines is largest. The
-    search ends when the best margin reaches this bound.
+    At each frequency, the expression in the criterion is linear in θ. So the frequency of each computed infimum gives a
+    straight line over θ that the margin cannot exceed. The next infimum is computed at the θ where the minimum of all
+    lines is largest. The search ends when the best margin reaches this largest minimum.
 
     Examples
     --------

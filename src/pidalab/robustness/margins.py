@@ -17,13 +17,14 @@ from pidalab.robustness.in_s import axis_in_s, factors_of, unit_axis
 from pidalab.robustness.in_z import axis_of
 from pidalab.robustness.poles import count_unstable, is_stable
 
-# With dead time, phase crossovers are sought where |L| is above this value, and if necessary further (see `Margins`).
+# With dead time, phase crossovers are sought where |L| is above this value, and if necessary at smaller |L| (see
+# `Margins`).
 QUIETEST = 0.1
-# In the search for a gain, the grid resolves the phase of the dead time at frequencies where |L| is above this value.
+# The search for a gain resolves the phase of the dead time at frequencies where |L| is above this value.
 QUIETEST_GIVEN = 0.1
 FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
 AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # (frequencies added around a peak) / (frequency of the peak)
-MS_RTOL = 1e-6  # before the last step, Ms may exceed the required Ms by this relative amount
+MS_RTOL = 1e-6  # relative tolerance of Ms before the final root search
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
 DROP = 3.0  # decrease of |T| at the bandwidth, in decibels
 
@@ -50,9 +51,9 @@ class Margins:
     dm : float
         Delay margin, the smallest extra dead time that brings a pole to the stability limit.
     disk : float
-        Disk margin α, the inverse of the largest \\|S - 1/2\\|. The loop stays stable for any complex factor
-        (1 + δ/2)/(1 - δ/2) of L with \\|δ\\| < α. These factors include gains from (2 - α)/(2 + α) to (2 + α)/(2 - α),
-        and rotations up to 2 arctan(α/2).
+        Disk margin α, the inverse of the largest \\|S - 1/2\\|. The loop stays stable if L is multiplied by any complex
+        factor (1 + δ/2)/(1 - δ/2) with \\|δ\\| < α. These factors include gains from (2 - α)/(2 + α) to
+        (2 + α)/(2 - α), and rotations up to 2 arctan(α/2).
     ms, mt : float
         Peaks of the sensitivity and of the complementary sensitivity.
     wgc, wpc : float
@@ -62,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Only those with \\|L\\| >= 0.1 are listed. If \\|L\\| is at least 1 at all listed crossovers, the list goes
-        on to smaller \\|L\\|. If the phase of an unstable loop turns more than about 300,000 times in this range of
-        \\|L\\|, no phase crossovers are listed, and the gain margins are NaN.
+        Only those with \\|L\\| >= 0.1 are listed. If none of them has \\|L\\| < 1, the limit 0.1 is lowered until one
+        has. If the phase of an unstable loop turns more than about 300,000 times in the searched range, no phase
+        crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -163,8 +164,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # With integral action, C S at zero frequency is 1/P. Without integral action, the lowest grid point is close enough
-    # to zero frequency.
+    # With integral action, C S at zero frequency is 1/P. Otherwise the lowest grid point is close enough.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
@@ -249,7 +249,8 @@ def phase_crossovers(loop: Loop, quietest: float = QUIETEST) -> Array:
     loop : Loop
         The loop.
     quietest : float, optional
-        Least \\|L\\| of a returned crossover of a continuous loop with dead time, which has infinitely many.
+        Smallest \\|L\\| of a returned crossover. Only used for a continuous loop with dead time, which has infinitely
+        many crossovers.
 
     Returns
     -------
@@ -325,7 +326,7 @@ def margins(loop: Loop) -> Margins:
 
 
 def _phase_crossovers(axis: Axis, unstable: bool) -> tuple[Array, Array, Array]:
-    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at its points."""
+    """Return the phase crossovers `wpc`, the array [0, *wpc, end of the axis], and max(-L, 0) at these points."""
     quietest = QUIETEST
     try:
         wpc = axis.phase_crossovers(quietest)
@@ -361,8 +362,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
     Returns
     -------
     float
-        Factor k, above 0. The function `max_sensitivity` returns `ms` for ``Loop(process, k * controller,
-        output_filter)``.
+        Factor k, above 0, for ``Loop(process, k * controller, output_filter)``.
 
     Raises
     ------
@@ -392,7 +392,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         except ArithmeticError:  # if the phase turns too often, the loop is far from stable
             return False
 
-    # The ends of the axis count, too, since L is not 0 at infinite frequency if process and controller are biproper.
+    # Include the ends of the axis. If process and controller are biproper, L is not 0 at infinite frequency.
     ends = [L for L in (axis.at_zero, axis.at_end) if math.isfinite(L)]
     w = axis.follow(QUIETEST_GIVEN)
     w = w[w <= FAR_SHARE * w[-1]]
@@ -410,7 +410,7 @@ def gain_for_ms(loop: Loop, ms: float) -> float:
         if not 0 < where < math.inf:
             break
         w = np.sort(np.append(w, where * AROUND_PEAK))
-    raise ValueError(f"no gain of this controller gives a stable loop that reaches ms = {ms:g} from below")
+    raise ValueError(f"no gain of this controller gives a stable loop whose Ms rises to ms = {ms:g}")
 
 
 def _reached_from_below(unit: Array, ms: float) -> list[float]:
@@ -426,7 +426,7 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # At each frequency the forbidden k form an interval from `low` to `high`. If an interval begins above the ends of
-    # all preceding intervals, k just below its start is allowed.
+    # At each frequency, k from `low` to `high` is forbidden. If such an interval begins above the ends of all preceding
+    # intervals, k just below its start is allowed.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()

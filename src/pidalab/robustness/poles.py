@@ -40,8 +40,8 @@ def unstable_poles(loop: Loop) -> float:
     Returns
     -------
     int or float
-        The number of poles. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop
-        has infinitely many poles right of the axis, on the axis or arbitrarily near to the axis.
+        The number. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop has
+        infinitely many poles right of the axis, on the axis or arbitrarily close to it.
 
     Raises
     ------
@@ -123,8 +123,8 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         If the loop has fewer poles or is ill-posed.
     ArithmeticError
         If the argument principle does not confirm the poles. Possible reasons: the poles lie too close to their
-        neighbours or to the infinite chain of poles of a neutral loop; they decay by more than e^20 in a dead time; or
-        their frequencies are hundreds of rad per dead time.
+        neighbours or to the infinite chain of poles of a neutral loop; they decay by more than a factor of e^20 in a
+        dead time; or their frequencies are hundreds of rad per dead time.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
     delay, nodes = loop.process.delay, 32
     loop, factors = _in_dead_times(loop), _factors_in_dead_times(loop)
     with np.errstate(divide="ignore"):
-        chain = np.log(abs(from_factors(factors).at_end))  # poles of a neutral loop approach this line
+        chain = np.log(abs(from_factors(factors).at_end))  # poles of a neutral loop approach this real part
     while nodes <= MOST_NODES:
         poles = _polished(loop, _collocation(loop, nodes))
         for last in range(count, min(count + CLUSTER, poles.size) + 1):
@@ -169,8 +169,8 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
 
     Notes
     -----
-    With many equal lags, the coefficients of the characteristic polynomial lose digits. Aberth's method refines the
-    roots that do not solve the factored equation. If this method fails, for example for a cluster around the poles of a
+    With many equal lags, the coefficients of the characteristic polynomial lose digits. Therefore Aberth's method
+    refines the roots with L in factored form. If this method fails, for example for a cluster around the poles of a
     fast filter, the error bound of a root is the order of the polynomial times the length of the Newton step.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
@@ -206,7 +206,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if no other pole lies right of a line just left of the first `last` poles (argument principle)."""
+    """Return True if only the first `last` poles lie right of a line just left of them (argument principle)."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
@@ -262,7 +262,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
-    """Refine poles by Newton's method on the characteristic function. Drop poles that do not solve it."""
+    """Refine poles by Newton's method on the characteristic function. Drop those that are not its zeros."""
     num, den = open_loop(loop)
     slope_num, slope_den = np.polyder(num), np.polyder(den)
     start = best = s = approximate[approximate.real > -FARTHEST]
@@ -276,8 +276,8 @@ def _polished(loop: Loop, approximate: Any) -> Any:
             slope = np.polyval(slope_den, s) + (np.polyval(slope_num, s) - np.polyval(num, s)) * forward
             step = np.where(value == 0, 0.0, value / slope)
             s = s - step
-        # Far right of the axis the dead time makes `forward` negligible, and `value` is only rounding. Then a pole
-        # is accepted if the step is short.
+        # Far right of the axis the dead time makes `forward` negligible, and `value` consists only of rounding errors.
+        # Then a pole is accepted if the step is short.
         still = np.abs(step) <= 1e-9 * np.abs(s)
         is_near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)

@@ -81,7 +81,8 @@ def multiple_pole(m: int) -> Setting:
     Returns
     -------
     Setting
-        Setting with the shortest possible reset, computed from `pidalab.rules.mrdp.constants` (Table 1 of the paper).
+        Setting with the shortest possible reset time, computed from `pidalab.rules.mrdp.constants` (Table 1 of the
+        paper).
 
     Raises
     ------
@@ -112,13 +113,13 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Parameters
     ----------
     ratio : float, optional
-        Time constant of the double zero, divided by `TAU_2` = 0.2322, above 0. The value 1 gives PIDA_1, and 1.5 gives
-        PIDA_2. The paper's Fig. 2 shows ``ratio * TAU_2`` from 0.16 to 0.42.
+        Time constant of the double zero, divided by `TAU_2` (0.2322). The ratio must be above 0. The value 1 gives
+        PIDA_1, and 1.5 gives PIDA_2. The paper's Fig. 2 shows ``ratio * TAU_2`` from 0.16 to 0.42.
 
     Returns
     -------
     Setting
-        Computed from the exact zeros, not from the printed ones.
+        Computed from the exact zeros, not from those printed in the paper.
 
     Raises
     ------
@@ -140,7 +141,7 @@ def double_zero(ratio: float = 1.0) -> Setting:
 
 
 PI, PID, MRDP_PIDA = (multiple_pole(m) for m in range(3))
-# The pair of zeros of the stabilising controller has the real part -kd/(2 ka).
+# The complex zeros of MRDP_PIDA have the real part -kd/(2 ka). TAU_2 is -1/(real part).
 TAU_2 = 2 * MRDP_PIDA.ka / MRDP_PIDA.kd
 PIDA_1, PIDA_2 = double_zero(), double_zero(1.5)
 PPM_PIDA = Setting("PPM-PIDA", "eq. (25), printed", MRDP_PIDA.lag, kp=0.17, kd=0.45, ka=0.1157, ti=0.36)
@@ -156,7 +157,7 @@ def tune(
     cancelled: int = 0,
     limits: tuple[float, float] = (-math.inf, math.inf),
 ) -> Design:
-    r"""Design a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
+    r"""Design a series controller and its prefilter for an integrator with dead time, from a dimensionless setting.
 
     The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`. The part :math:`T_e = n N T_f`
     represents the filter, eqs. (10) and (11).
@@ -185,8 +186,8 @@ def tune(
         N, from 0.5 (half rule) to 1 (average residence time, the default). Use 0 if the model was identified from the
         filtered output, since such a model includes the delay of the filter (sec. 3.1).
     cancelled : int, optional
-        Number of dominant poles, at -1/T_0, that the prefilter cancels. 0 (the default) gives eq. (21). 1 gives
-        eq. (22), and a faster response.
+        Number of dominant poles, at -1/T_0, that the prefilter cancels. The default, 0, gives eq. (21). The value 1
+        gives eq. (22) and a faster response.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 
@@ -195,8 +196,8 @@ def tune(
     Design
         Controller (Fig. 1, eqs. (3), (4), (7) and (9)) and prefilter (eq. (20)). `pidalab.simulate_sampled` and
         `pidalab.portrait` apply the limits. Linear functions, such as `pidalab.margins`, ignore them. The filter is
-        part of the controller and therefore also filters the set point. The paper does not say whether it should.
-        `info` has
+        part of the controller and therefore also filters the set point. The paper does not say whether the set point
+        should be filtered. `info` has
 
         - ``setting``, ``n``, ``filter_time``: the arguments,
         - ``te``: the dead time that represents the filter, or 0 if the model includes the filter,
@@ -207,7 +208,7 @@ def tune(
     Raises
     ------
     TypeError, ValueError
-        If the model has another structure, `setting` is not a setting, or a number is out of its range.
+        If the model has another structure, `setting` is not a `Setting`, or a number is out of its range.
 
     Examples
     --------

@@ -1,9 +1,9 @@
 r"""Explicit ITAE tuning of PID and PIDA controllers for a second-order model with dead time (heo2023).
 
 The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` is
-:math:`\theta/\tau`. All functions except `imc_pid` need a `sopdt` with 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2, and otherwise raise
-a ValueError. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following formulas differ from
-the paper as we read it. Either the print or our reading is wrong:
+:math:`\theta/\tau`. All functions except `imc_pid` need a `sopdt` with 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. For other models
+they raise a ValueError. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following formulas
+differ from the paper as we read it. Either the print or our reading is wrong:
 
 * Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. With this
   correction and a short dead time, Table 2 gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
@@ -11,15 +11,15 @@ the paper as we read it. Either the print or our reading is wrong:
   At r = 1 it differs from the formula for r ≤ 1 by only 1.4 %.
 * Table 3: both exponentials have a negative argument, as in Table 2.
 * Table 3: the formula of the gain changes at r = 0.9, not at ξ = 0.9. At r = 0.9 the gain jumps by 0.003. With a change
-  at ξ = 0.9 it would jump by 29 for r = 0.1, and have the wrong sign for ξ = 0.3 and r = 2.
+  at ξ = 0.9, the gain would jump by 29 for r = 0.1. For ξ = 0.3 and r = 2 it would have the wrong sign.
 * Table 1: the last four lines belong to ξ > 1. At ξ = 1 they agree with the other lines to 0.3 %.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The printed tunings confirm the first, third and last correction, but do not test the others. All constants are as
-printed. The largest jump between two branches of a formula is 13 %, in the gain of Table 2 at ξ = 0.9 for r = 2.
+The printed tunings confirm the corrections of the derivative times, of the exponentials and of eq. (12), but do not
+test the others. All constants are as printed. Where two cases of a formula meet, the jump is at most 13 % (gain of
+Table 2 at ξ = 0.9 for r = 2).
 
-`setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits. Even with these factors the ITAE
-stays well above its minimum.
+`setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
-    """Hold f_d, the share of the dead time that the acceleration compensates, and f_a = tau_a / tau_d."""
+    """Hold the factors f_d and f_a = tau_a / tau_d. The acceleration compensates the share f_d of the dead time."""
 
     f_d: float
     f_a: float
@@ -90,7 +90,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
                       \left(1.45 + 0.969\,r^{-1.171}\right)
 
     Three things are corrected (see the top of this module): the conditions of the gain formula, the sign in both
-    exponentials, and the left side of the last formula. We read the constant 2.2122 with one digit more than the
+    exponentials, and the left side of the last formula. As we read it, the constant 2.2122 has one digit more than the
     others. No printed tuning distinguishes it from 2.212.
 
     Parameters
@@ -152,15 +152,15 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The ratio r of the changed model may be as small as 0.057. Like the paper, we use the table outside its range. The
-    last formula is corrected (see the top of this module).
+    The changed model (subscript n) may have a ratio r as small as 0.057. Like the paper, we use Table 2 outside its
+    range. The last formula is corrected (see the top of this module).
 
     Parameters
     ----------
     model : Process
         `sopdt` within the range at the top of this module.
     alpha_d, alpha_a : float, optional
-        Filter time constants divided by the derivative and by the acceleration time, above 0.
+        Factors above 0. The filter time constants are ``alpha_d * tau_d`` and ``alpha_a * tau_a``.
     factors : tuple of float, optional
         Factors f_d and f_a. By default those of Table 1 for the given model (function `factors`).
 
@@ -281,8 +281,8 @@ def setpoint_factors(model: Process) -> Factors:
 
     with :math:`\ell = \ln r` and :math:`x = \ln \xi`. On 40 models that were not used in the fit, the ratio ITAE /
     (least ITAE of any PIDA controller of this form) is on average 1.68 (geometric mean) and at most 2.52. With the
-    factors of Table 1 the average is 1.74, the largest 3.25. Ms is at most 2.5, except for ξ just above 0.9 with r near
-    2, where it is up to 2.9. `direct.setpoint` is much closer to the least ITAE.
+    factors of Table 1 the average is 1.74 and the largest ratio 3.25. For ξ just above 0.9 and r near 2, Ms is up to
+    2.9. For all other models it is at most 2.5. `direct.setpoint` is much closer to the least ITAE.
 
     Parameters
     ----------
@@ -312,16 +312,16 @@ def setpoint_factors(model: Process) -> Factors:
 
 
 def load_factors(model: Process) -> Factors:
-    r"""Compute factors for `pida_load`, fitted by us to the ITAE of load steps with Ms up to about 2. Not in the paper.
+    r"""Compute factors for `pida_load`, fitted by us to the ITAE of load steps, for Ms up to about 2. Not in the paper.
 
     .. math:: f_d = 0, \qquad
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
               \qquad \ell = \ln r, \quad x = \ln \xi
 
-    Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust: it is stable for
-    all models of the range, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least ITAE
-    of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 the loop is
-    unstable for seven of the models. `direct.load` is closer to the least ITAE.
+    Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust. For all models of
+    the range the loop is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least
+    ITAE of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 the
+    loop is unstable for seven of these models. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------

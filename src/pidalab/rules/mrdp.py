@@ -4,19 +4,19 @@ Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s
 
 .. math:: s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1}),
 
-eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. Any point :math:`x_o` is an (m+2)-fold zero if -N is the
+eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. A point :math:`x_o` is an (m+2)-fold zero if -N is the
 Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The rule chooses the :math:`x_o` nearest to 0 at
 which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
-With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of
+With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le k} a^i/i!`, the coefficient of
 :math:`x^j` in N is
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
 In particular :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`. In double
-precision the formula for :math:`c_j` is accurate to 14 digits for m up to at least 24.
+precision the formula for :math:`c_j` is accurate to 14 digits, at least for m up to 24.
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ class Constants(NamedTuple):
 
     @property
     def numerator(self) -> list[float]:
-        """Coefficients of N(x), highest power first. By eq. (4), the poles without filter solve x^2 e^x + N(x) = 0.
+        """Coefficients of N(x), highest power first.
+
+        By eq. (4), the poles of the loop without filter solve x^2 e^x + N(x) = 0.
 
         Returns
         -------
@@ -114,8 +116,8 @@ def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
     The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
-    each of them. For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of the
-    filter, -1/T_f.
+    the filter as with T_e. For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of
+    the filter, -1/T_f.
 
     Parameters
     ----------
@@ -208,7 +210,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     m : int
         Order of the highest derivative, at least 0.
     n : int
-        Order of the filter, at least m. 0 gives a PI controller without filter.
+        Order of the filter, at least m. ``n=0`` gives a PI controller without filter.
     te : float
         Dead time that represents the filter, above 0 (with ``n=0`` it must be 0). A larger value gives less noise and a
         slower loop.
@@ -228,7 +230,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         - ``weights``: b_0, b_1, ... of the prefilter,
         - ``ie``: the integral of the error after a unit step of the set point (the IAE if the error does not change its
           sign),
-        - ``smallest_te``: the result of the function `smallest_te`, times the dead time.
+        - ``smallest_te``: the result of the function `smallest_te`, times the dead time of the model.
 
     Raises
     ------
@@ -321,7 +323,7 @@ def smallest_te(m: int, n: int) -> float:
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
     and near this frequency the phase of the dead time passes through all values. So the loop is stable if the maximum
-    is below about 1. The function starts from this estimate and bisects, testing stability by the argument principle.
+    is below about 1. From this estimate the function bisects the exact stability limit.
 
     Parameters
     ----------

@@ -20,9 +20,10 @@ of the stack lack the terms of the dropped coefficients, so only these states ar
 ignores its oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output.
 In the balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of
 powers, the largest coefficient of a power, the gain of the other applied powers, and the largest old state. This bound
-is far below rounding errors if no coefficient or state is 1e10 times as large as the requested values. With a larger
-coefficient or state, rounding errors still exceed the bound. `checked_responses` detects rounding errors by a second
-computation in other units. It cannot detect truncation, because both computations are truncated equally.
+is far below rounding errors if no coefficient or state is 1e10 times as large as the requested values. A larger
+coefficient or state also enlarges the rounding errors, so they still exceed the bound. `checked_responses` detects
+rounding errors by a second computation in other units. It cannot detect truncation, because both computations are
+truncated equally.
 """
 
 from __future__ import annotations
@@ -129,7 +130,7 @@ def _responses(cut, step, n, intervals, norm):
 
     * When the pass for k begins, the outputs at all requested times before multiple k are computed, and `first` is the
       index of the next requested time.
-    * `terms` holds all derivatives that a stack of `deepest` ages at multiple k reads.
+    * `terms` holds all derivatives that are needed for a stack at multiple k with `deepest` ages, the most that occur.
     * The first requested time of an interval is (count + share) * delta after multiple k, with an integer `count`. A
       Taylor series advances the stack by share * delta. Then one power for each binary digit 1 of `count` advances the
       stack, in all by count * delta.
@@ -163,7 +164,7 @@ def _responses(cut, step, n, intervals, norm):
         return result, 0, TOO_LARGE
     # The Taylor series that advances a stack ends where its terms are negligible.
     spanned = min(SERIES, -low)
-    # No longer powers are needed, because `distance` (below) exceeds neither a step nor a dead time.
+    # Powers for longer times are not needed, because `distance` (below) is at most one step and one dead time.
     bits = min(-low, len(powers))
     delta = step * 2.0 ** (low + spanned)
     series, term = 1, norm * delta

@@ -1,6 +1,6 @@
 """Performance portraits: measures of one loop for thousands of parameter sets (huba2024, sec. 2.3).
 
-The sets are computed in parts. The result of a set does not depend on its part or on the executor.
+The sets are computed in batches. The result of a set does not depend on its batch or on the executor.
 """
 
 from __future__ import annotations

@@ -108,18 +108,17 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
     return np.array(read)
 
 
-# A part of the controller is decoupled (see `_cut`) if its slowest pole is more than FASTER times as fast as the
-# fastest state that drives the part, and if the loop gain at the speed of this state is below HIGH_GAIN. With a higher
-# gain the closed loop would be much faster than this state, and the plant would act as a chain of integrators. With
-# FASTER = 100, a filter 50 times faster than its plant would not be decoupled. The kick of this filter, a short signal
-# of 1e5 times y, would be a difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of
-# the largest u.
+# Let w be the speed of the fastest state that drives a part of the controller. The part is decoupled (see `_cut`) if
+# all its poles are faster than FASTER * w, and if the loop gain at w is below HIGH_GAIN. With a higher gain the closed
+# loop would be much faster than w, and the plant would act as a chain of integrators. With FASTER = 100, a filter 50
+# times faster than its plant would not be decoupled. The kick of this filter, a short signal of 1e5 times y, would be a
+# difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of the largest u.
 FASTER, HIGH_GAIN = 10.0, 100.0
-# Consider the parts that are more than STIFF times as fast as the states that drive them. If all of these parts are
-# even more than VERY_STIFF times as fast, and their kicks change the process output by less than SENDS_LITTLE times the
-# control error, they are kept out of the process (see `_cut`), and all other parts count as slow. After a part that is
-# kept out has settled, u is read from the past and present states that drive the part, because the rounding of the
-# part's own states grows with the ratio of the speeds. This reading of u neglects the effect of the fast states on the
+# Consider the parts that are more than STIFF times as fast as the states that drive them. These parts are kept out of
+# the process (see `_cut`) if all are more than VERY_STIFF times as fast as those states, and if their kicks change the
+# process output by less than SENDS_LITTLE times the control error. All other parts then count as slow. The rounding
+# errors of the states of such a part grow with the ratio of the speeds. So once the part has settled, u is computed
+# from the past and present states that drive it. This computation of u neglects the effect of the fast states on the
 # process, which decreases with the square of the ratio.
 STIFF = 100.0
 VERY_STIFF = 1e6
@@ -146,7 +145,7 @@ class Cut(NamedTuple):
     # (ages, n), coefficients of x(t), x(t - delay), ... in u after the fast part of u has settled. There are no rows if
     # no fast part is kept out of the process.
     settled_u: Array
-    settling: float  # time after a multiple of the delay in which the fast part settles
+    settling: float  # the fast part settles within this time after a multiple of the delay
 
 
 class _Blocks(NamedTuple):

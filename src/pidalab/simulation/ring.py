@@ -207,7 +207,7 @@ def taylor(tau, most, A, B, Cv, D):
 
 @compiled
 def _width(first, second, most):
-    """Return a number of columns that is sufficient for a product, since `shortened` would drop all further columns.
+    """Return an upper bound for the number of columns that `shortened` keeps of a product.
 
     Let a and b be the largest moduli in two coefficients. No element of their product exceeds order * a * b in modulus,
     so a sum of such terms is a bound for each coefficient of the result. Coefficients at the end are left out while

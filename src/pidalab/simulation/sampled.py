@@ -9,7 +9,7 @@ steps of the delayed input w lie inside the sample intervals:
 Each sample interval has one or two pieces with a constant input. A matrix exponential for each piece advances the plant
 exactly. The controller is discretised for a held input as well. The only remaining difference from the continuous loop
 is the delay of a real digital controller: half a sample for reading and half a sample for holding. So the difference is
-proportional to h.
+proportional to h. Pulse width modulation is also simulated exactly.
 """
 
 from __future__ import annotations
@@ -382,7 +382,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
             return largest * math.sqrt(total)
     raise ValueError(
         f"loop must be stable with sample_time = {h:g}, and u must decay within {samples // 2} samples after a pulse "
-        f"of noise, found {100 * late / total:.3g} % of the sum of squares of u later"
+        f"of noise, but {100 * late / total:.3g} % of the sum of squares of u comes later"
     )
 
 

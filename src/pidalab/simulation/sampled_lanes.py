@@ -206,7 +206,7 @@ def _integrate(
 
 @compiled
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
-    """Return what changes of the sign of e = c0 + c1 s + c2 s^2 add to the integrals over 0 <= s <= 1.
+    """Return the increase of two integrals over 0 <= s <= 1 by sign changes of e = c0 + c1 s + c2 s^2.
 
     The integrals are those of ``|e|`` and ``(start + h s) |e|``.
     """

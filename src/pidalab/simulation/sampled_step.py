@@ -105,8 +105,8 @@ def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator:
     on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
     over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    # The effect of a pulse is `over_piece` minus the effect of an input of 1 over the time after the pulse. From each
-    # width to the next shorter width, this time grows by h / widths.
+    # The effect of a pulse is `over_piece` minus the effect of an input of 1 over the time after the pulse. For each
+    # next shorter width, the time after the pulse is longer by h / widths.
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:
@@ -205,7 +205,7 @@ def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: in
     """Advance the plant by a sample. Return the new state, then the old array for reuse."""
     for piece in range(plant.lag_samples.size):
         w = v[at - plant.lag_samples[piece]]
-        system = 1 if w > x[0] else 0  # the store does not cross the held w, so one system acts
+        system = 1 if w > x[0] else 0  # x[0] does not cross the constant w, so this system applies throughout
         advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
         x, x_new = x_new, x
         if plant.pulse.shape[1] > 1:

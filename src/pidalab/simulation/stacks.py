@@ -93,11 +93,9 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
     Its shape is (size of the stack, run * outputs).
 
-    Notes
-    -----
-    The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns are complete.
-    The pass multiplies them by the next power, which gives `have` further columns, for later times. The pass then drops
-    the ages that no output reads.
+    Notes ----- The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns
+    are complete. The pass multiplies them by the next power. The product has as many columns, which belong to later
+    times. The pass then drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
@@ -233,7 +231,7 @@ def ages_needed(read, powers, order, base, most):
     for runs in range(1, most + 1):
         ages, p, digits = read, base, runs
         while digits > 0:
-            # A power that is not stored is selected only if there is no dead time. One age is then enough.
+            # If there is no dead time, a digit may select a power that is not stored. One age is then enough.
             if digits % 2 == 1 and p < len(powers):
                 ages += powers[p].shape[1] // order - 1
             digits //= 2

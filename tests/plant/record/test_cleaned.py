@@ -236,7 +236,7 @@ def test_counters_continue_and_reversed_order_is_turned():
     t, u, y = step_record()
     wrapped = Record(np.round(10 * t + 300) % 1000, u, y)
     assert np.diff(wrapped.t).min() > 0
-    assert "the time restarts 1 time(s), at 1000, and was continued" in wrapped.doubts
+    assert "the time is a counter that returns to 0 at 1000 (1 time(s)): it was continued" in wrapped.doubts
     for counter in (60.0, 3600.0, 86400.0):  # seconds of a minute, an hour, a day
         anew = Record((t * counter / 200.0 + 0.6 * counter) % counter, u, y)
         assert anew.t == pytest.approx((t - t[0]) * counter / 200.0 + anew.t[0], rel=1e-9)

@@ -25,7 +25,8 @@ from pidalab.robustness.margins import Margins
 
 STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # further samples far above the set point, and as many far below it
-DOUBLINGS = 24  # number of distances of these samples that are tried, each twice the one before
+# Largest number of distances that are tried for these samples. Each distance is twice the one before.
+DOUBLINGS = 24
 INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
 INVALID_MEASUREMENT = 1e30  # this value also exists in single precision
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # largest number of characters in a line

@@ -31,7 +31,7 @@ def from_json(text: str) -> DigitalController:
     Returns
     -------
     DigitalController
-        An equal controller, which starts at its first measurement.
+        A controller with the same parameters. It starts at its first measurement, since the file has no state.
 
     Raises
     ------

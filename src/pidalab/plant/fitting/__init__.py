@@ -31,8 +31,8 @@ MODELS = (*FIRST_TRIED, *THEN, "auto")
 SURPLUS = 1.1  # further models are tried if residuals / noise is above this
 WORKING_POINT = 0.15  # assumed relative change of the gain at another working point
 HIGHER = 0.75  # share of the plants whose gain is raised
-# A record is refused if the residuals of the best identifiable model exceed UNSETTLED times `FitResult.near` of the
-# best model, identifiable or not.
+# `FitResult.near` of the best model is the deviation up to which other models fit nearly as well. A record is refused
+# if the best identifiable model has residuals larger than UNSETTLED times this deviation.
 UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
@@ -59,8 +59,8 @@ class Fit:
         the size and correlation of the residuals. In closed loop they are multiplied by 1.3 if the residuals are white
         noise, and by 7 otherwise.
     residuals : ndarray, shape (n,)
-        Recorded minus simulated output, at the times of the record. (More than 4000 samples are averaged, and a record
-        with more than 60 changes of the input is resampled.)
+        Recorded minus simulated output, at the times of the record. (If there are more than 4000 samples, neighbouring
+        samples are averaged. If the input changes more than 60 times, the record is resampled.)
     deviation : float
         Root mean square of the residuals, in the unit of y.
     noise : float

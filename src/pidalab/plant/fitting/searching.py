@@ -371,7 +371,7 @@ def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
-        # Start with the dead time delay - lag.
+        # Start with a dead time of `delay - lag`.
         rival = refined(data, behind_lag(result.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))

@@ -393,7 +393,7 @@ class Record:
 
 
 def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
-    """Raise if `period` contradicts the times of the file. Return a doubt if their column only numbers the samples."""
+    """Raise if `period` contradicts the times of the file. Return a doubt if their column has sample numbers."""
     try:
         clock = read_columns(*source)
     except ValueError:

@@ -25,7 +25,7 @@ OVERLAP = 3
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 # An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
-# A is the movement of the output in the last BEFORE samples before a standstill, and B in the last JUST_BEFORE.
+# A and B are movements of the output before a standstill: A in the last BEFORE samples, B in the last JUST_BEFORE.
 BEFORE, JUST_BEFORE = 10, 3
 SLOWED = 0.1  # if B / A is at most this, the plant itself came to rest
 # A standstill is reported only if A exceeds both MANY_STEPS rounding steps and LITTLE times the span of the output.

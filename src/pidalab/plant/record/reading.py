@@ -233,7 +233,7 @@ def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
 
 
 def _numbered(lines: Sequence[str], mark: str) -> float:
-    """Rate a delimiter: the number of numeric columns at the end of the file, times their share of all columns."""
+    """Rate a delimiter by the last rows of the file: number of numeric columns, times their share of all columns."""
     rows = [_split(line, mark) for line in [line for line in lines if line.strip()][-SAMPLE:]]
     half = sorted(map(len, rows), reverse=True)[len(rows) // 2]  # median number of columns
     counts = [sum(k < len(row) and is_value(row[k]) for row in rows) for k in range(half)]
