@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import control
 
 FREQUENCIES = 1000  # default number of frequencies of a frequency response; a dead time adds more
-# Phase of the dead time in rad: largest change between two frequencies, and largest value.
+# Phase of the dead time in rad: largest change between neighbouring frequencies, and largest value.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
@@ -330,7 +330,7 @@ class Loop:
         ----------
         frequencies : array_like, optional
             Rising frequencies in rad per time unit, above 0. The default grid extends the range of corner frequencies
-            of L by a decade on both sides. It ends at the latest where the dead time has turned the phase by 4π.
+            of L by a decade on both sides. It ends before the dead time turns the phase by more than 4π.
 
         Returns
         -------

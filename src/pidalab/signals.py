@@ -85,7 +85,7 @@ class Signals:
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return every second sample as a record, or None if `t.size` is even or small, or if a held signal varies."""
+        """Return every second sample as a record, or None if `t.size` is even or small or a held signal varies."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
@@ -321,8 +321,8 @@ class Signals:
         tail, largest = np.max(np.abs(self.e[-max(2, self.t.size // 10) :])), np.max(np.abs(self.e))
         if tail > SETTLED_SHARE * largest:
             raise ValueError(
-                f"horizon=inf needs a settled record: the last error may be at most {SETTLED_SHARE * largest:.3g}, "
-                f"found {tail:.3g} in the last tenth; simulate longer or give a finite horizon"
+                f"horizon=inf needs a settled record: the error in the last tenth must be at most "
+                f"{SETTLED_SHARE * largest:.3g}, found {tail:.3g}; simulate longer or give a finite horizon"
             )
 
     def _require_bounded(self, name: str, signal: Array, measure: str = "this measure") -> None:
@@ -343,7 +343,7 @@ class Signals:
             late, early = self._movements(signal, start)
             raise ValueError(
                 f"{measure} needs a response that does not diverge: {name} moves by {late:.3g} in the last tenth "
-                f"and by {early:.3g} before; give a horizon, or simulate a stable loop for longer"
+                f"and only by {early:.3g} before; give a horizon, or simulate a stable loop for longer"
             )
 
     def _grows(self, signal: Array, start: int) -> bool:

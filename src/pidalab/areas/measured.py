@@ -1,10 +1,10 @@
 r"""Measure characteristic areas from a record, for tuning without a model (vrancic2021).
 
 The paper integrates the record repeatedly: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`.
-Here the areas are computed from moments of u and y about the time of the change, up to the time at which the record has
-settled. Without noise both methods give the same areas. Repeated integration runs to the end of the record, where the
-weights of the noise are largest. In a record of 1/(s + 1)^4 that is 50 time constants long and has noise of 0.001, the
-error of A_5 is 50 % with repeated integration and 3 % with moments.
+Here the areas are computed from moments of u and y about the time of the change. The integrals end when the record has
+settled. Without noise both methods give the same areas. Repeated integration runs to the end of the record, where noise
+has the largest weight. In a record of 1/(s + 1)^4 that is 50 time constants long and has noise of 0.001, the error of
+A_5 is 50 % with repeated integration and 3 % with moments.
 """
 
 from __future__ import annotations
@@ -104,8 +104,8 @@ def from_record(
     t : array_like, shape (n,), or Record
         Uniform times from 0. A `pidalab.Record` replaces t, u and y.
     u, y : array_like, shape (n,), optional
-        Input (held from each sample to the next) and output. Both must be steady at the end and, if `start` is not
-        given, at the beginning.
+        Input (held from each sample to the next) and output. Both must be steady at the end. Without `start`, they must
+        be steady at the beginning, too.
     count : int
         Number of areas, at least 1. A controller of order m needs 2m + 4.
     start : tuple of float, optional
@@ -167,7 +167,7 @@ def from_record(
     u1, y1 = float(np.mean(u[last:])), float(np.mean(y[last:]))
     step = u1 - u0
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
-        raise ValueError(f"u must end elsewhere than it begins: it starts at {u0:.6g} and ends at {u1:.6g}")
+        raise ValueError(f"u must not return to its first level: it starts at {u0:.6g} and ends at {u1:.6g}")
     tau = h * np.arange(last - first + 1)
     # tau^k / k!
     weights = np.cumprod([np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0)

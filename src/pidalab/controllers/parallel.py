@@ -18,7 +18,7 @@ from pidalab.process import binomial
 def _separate(
     gains: IdealGains, derivative_filter: float, acceleration_filter: float
 ) -> tuple[FilteredGains, ...]:
-    """Return the parts that are present, each derivative with its own filter."""
+    """Return the parts of a controller with separate filters. A derivative of gain 0 has no part."""
     ki, kp, kd, ka = gains
     parts = [FilteredGains("proportional", (ki, kp))]
     if kd:

@@ -88,8 +88,7 @@ def three_point(
     t : array_like, shape (n,), or Record
         Uniform times with the step at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
-        Output, from rest to rest. The rest value is the first sample, and the final value is the mean of the last
-        tenth.
+        Output, from rest to rest. The first sample is the rest level, and the mean of the last tenth the final level.
     step : float, optional
         Change of the input, not 0. By default 1.
     crossing : {"interpolated", "sampled"}, optional
@@ -104,8 +103,7 @@ def three_point(
     Notes
     -----
     A `Record` is cut at its step and resampled on uniform times. An offset of y has no effect. The model is
-    useful if the noise is at most about 1 % of the change. For more noise use `pidalab.identification.fit`, which uses
-    all samples.
+    useful if the noise is at most about 1 % of the change. For more noise use `pidalab.identification.fit`.
 
     The formulas of eq. (5) underestimate a dead time that is short compared with the dominant lag. For a process with
     τ = 1, L = 0.25 and α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %. But if
