@@ -304,7 +304,7 @@ class Response(Signals):
             self._require_bounded(signal, getattr(self, signal))
 
     def _path(self, signal: str, horizon: float | None = None, final: float | None = None) -> Array:
-        """Return the value at rest, the samples of a signal up to a time, and the final value if it is given."""
+        """Return the rest level 0, the samples of a signal up to the horizon, and `final` if it is given."""
         last = [] if final is None else [_check.real("final", final)]
         within = self.t <= self._horizon(horizon) * (1 + 1e-12)
         return np.concatenate([[0.0], getattr(self, signal)[within], last])
@@ -388,7 +388,7 @@ class Response(Signals):
         return self._settle("peak_time", lambda record: record._top(target)[0])
 
     def _passed_peak(self, final: float | None, measure: str) -> float:
-        """Return the final value. Raise if the record ends before its peak."""
+        """Return the final value. Raise if the record ends before the peak of y."""
         target = self._final(final, measure)
         time, share = self._top(target)
         missing = abs(1 - float(self.y[-1]) / target)

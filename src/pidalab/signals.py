@@ -85,7 +85,7 @@ class Signals:
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return every second sample as a record, or None if `t.size` is even or small or a held signal varies."""
+        """Return a record of every second sample, or None if `t.size` is even or small or a held signal varies."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):
