@@ -24,8 +24,8 @@ class Design:
     """A controller with its filters, its model and its source.
 
     Each entry of `info` is also an attribute, such as ``design.iae``. ``design.ms`` is the maximum sensitivity of the
-    loop with the model, infinite if the loop is unstable. If an Ms was given to the rule, ``design.ms_asked`` is this
-    Ms.
+    loop with the model, infinite if the loop is unstable. ``design.ms_asked`` is the Ms that was given to the rule, if
+    any.
 
     Parameters
     ----------
@@ -119,8 +119,8 @@ class Design:
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
         """Return the digital controller for a sample time, including output filter and prefilter.
 
-        If the output filter describes a sensor (as in `pidalab.tune`), it is not part of the controller. In this case
-        use ``design.controller.discretise``.
+        If the output filter describes a sensor (as in `pidalab.tune`), use ``design.controller.discretise`` to leave
+        the filter out.
 
         Parameters
         ----------

@@ -14,11 +14,13 @@ from pidalab.process import Process, require_process
 from pidalab.roots import roots
 from pidalab.rules._design import Design
 
-# A pole or zero p counts as real if abs(imag(p)) <= OSCILLATING * abs(p), since rounding splits multiple poles.
+# A pole or zero p counts as real if abs(imag(p)) <= OSCILLATING * abs(p), since rounding makes multiple real poles
+# complex.
 OSCILLATING = 0.05
 # A zero 1 + T s is paired with a shorter lag only if T / lag is below CLOSE_LAG.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
-MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12  # iterations of the effective dead time, relative tolerance
+# The reduction is repeated at most this often, until the relative change of the effective dead time is this small.
+MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12
 
 
 def simc(
@@ -29,12 +31,12 @@ def simc(
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \tau_2
 
-    The controller is in series form. The half rule keeps the lag τ_1 for PI, and τ_1 and τ_2 for PID. It adds half of
-    the largest neglected lag to the smallest kept lag. The effective dead time θ is the sum of the dead time, the other
-    half of the largest neglected lag, all smaller lags, and the time constants of zeros in the right half-plane. A zero
-    in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite
-    lag. For a pure dead time the result is an integral controller. For a double integrator it is a PID controller with
-    :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
+    The controller is in series form. The half rule keeps the largest lag τ_1 and, for PID, the second largest lag τ_2.
+    It adds half of the largest neglected lag to the smallest kept lag. The effective dead time θ is the sum of the dead
+    time, the other half of the largest neglected lag, all smaller lags, and the time constants of zeros in the right
+    half-plane. A zero in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). An integrator
+    counts as an infinite lag. For a pure dead time the result is an integral controller. For a double integrator it is
+    a PID controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     Parameters
     ----------
     model : Process
-        As for `simc`, but with at most one integrator. The half rule reduces it to one lag.
+        As for `simc`, but with at most one integrator. The half rule reduces the model to one lag.
     closed_loop_time : float, optional
         τ_c, above 0. By default half of the effective dead time.
     n : float, optional
@@ -114,7 +116,7 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
 
     Notes
     -----
-    The source of the rule is the abstract of Grimholt and Skogestad (2018). The paper was not available. The default of
+    The rule is taken from the abstract of Grimholt and Skogestad (2018). The paper was not available. The default of
     τ_c is our choice. With this default and without filter, Ms for a lag with dead time is 1.65 to 1.73, similar to
     `simc`.
 
@@ -165,7 +167,7 @@ def _from_series(kc: float, ti: float, td: float, n: float) -> PIDA:
 class Reduced(NamedTuple):
     """A model that the half rule has reduced."""
 
-    gain: float  # static gain, or gain of the integrators
+    gain: float  # static gain without the integrators
     lags: tuple[float, ...]
     delay: float
     integrators: int
@@ -177,10 +179,10 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     Notes
     -----
     The rule for a zero in the left half-plane and the effective dead time depend on each other. Therefore the reduction
-    is repeated until the dead time no longer changes. The result may depend on its initial value, which the paper does
+    is repeated until the dead time no longer changes. The result may depend on the initial value, which the paper does
     not give. We start from `dead`, the dead time plus the time constants of zeros in the right half-plane. If `dead` is
     0, we start from the effective dead time of the lags alone. These values reproduce the examples of the paper. If the
-    iteration is periodic, the longest dead time is used, which is cautious.
+    iteration becomes periodic, the reduction with the longest dead time is returned, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -209,7 +211,7 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 def _without_leads(
     gain: float, lags: list[float], leads: list[float], integrators: int, delay: float
 ) -> tuple[float, list[float], int]:
-    """Replace each zero in the left half-plane and a lag of similar size by a gain and, in rule T3, a shorter lag.
+    """Replace each zero in the left half-plane and a lag of similar size by a gain. Rule T3 adds a shorter lag.
 
     The rules T1 to T3 are in section 2.2 of Skogestad (2003).
     """
@@ -235,7 +237,7 @@ def _without_leads(
 
 
 def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep: int) -> Reduced:
-    """Add half of the largest neglected lag to the smallest kept lag, and all other neglected time to the dead time."""
+    """Add half of the largest neglected lag to the smallest kept lag, and the other neglected time to `dead`."""
     split = max(keep - integrators, 0)
     kept, neglected = lags[:split], lags[split:]
     if neglected:

@@ -81,7 +81,8 @@ def multiple_pole(m: int) -> Setting:
     Returns
     -------
     Setting
-        Setting with the shortest possible reset, computed from `pidalab.rules.mrdp.constants` (Table 1 of the paper).
+        Setting with the shortest possible reset time, computed from `pidalab.rules.mrdp.constants` (Table 1 of the
+        paper).
 
     Raises
     ------
@@ -112,13 +113,13 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Parameters
     ----------
     ratio : float, optional
-        Time constant of the double zero, divided by `TAU_2` = 0.2322, above 0. The value 1 gives PIDA_1, and 1.5 gives
-        PIDA_2. The paper's Fig. 2 shows ``ratio * TAU_2`` from 0.16 to 0.42.
+        Time constant of the double zero, divided by `TAU_2` (0.2322). The ratio must be above 0. The value 1 gives
+        PIDA_1, and 1.5 gives PIDA_2. The paper's Fig. 2 shows ``ratio * TAU_2`` from 0.16 to 0.42.
 
     Returns
     -------
     Setting
-        Computed from the exact zeros, not from the printed ones.
+        Computed from the exact zeros, not from those printed in the paper.
 
     Raises
     ------
@@ -156,7 +157,7 @@ def tune(
     cancelled: int = 0,
     limits: tuple[float, float] = (-math.inf, math.inf),
 ) -> Design:
-    r"""Design a series controller and its prefilter from a dimensionless setting and an integrator with dead time.
+    r"""Design a series controller and its prefilter for an integrator with dead time, from a dimensionless setting.
 
     The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`. The part :math:`T_e = n N T_f`
     represents the filter, eqs. (10) and (11).
@@ -207,7 +208,7 @@ def tune(
     Raises
     ------
     TypeError, ValueError
-        If the model has another structure, `setting` is not a setting, or a number is out of its range.
+        If the model has another structure, `setting` is not a `Setting`, or a number is out of its range.
 
     Examples
     --------

@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# Settings of PI and then of PID: kp K L/T, then ti/L (load) or ti/T (setpoint), then td/L.
+# Settings of PI, then of PID: kp K L/T, ti/L (load steps) or ti/T (set-point steps), td/L.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
@@ -194,8 +194,8 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
     Raises
     ------
     ValueError
-        If the process has no ultimate gain: its phase never reaches -180 degrees, it is unstable, or every gain makes
-        the loop unstable (as with a double integrator).
+        If the process has no ultimate gain: the phase never reaches -180 degrees, the process is unstable, or every
+        gain makes the loop unstable (as with a double integrator).
 
     Examples
     --------
@@ -232,7 +232,7 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     model : Process
         `fopdt` with dead time L above 0, lag T and gain K.
     test : {"load", "setpoint"}, optional
-        Step for which the settings were made.
+        Kind of step for which the controller is designed.
     overshoot : {0, 20}, optional
         Overshoot in per cent.
     kind : {"PI", "PID"}, optional
@@ -249,9 +249,9 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
 
     Notes
     -----
-    The original paper was not available. An independent public program quotes all eight settings as in this table, and
-    several sources agree on the settings for the set point. Sources with more digits give ti = 1.16 T (set point 0 %,
-    PI), ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %, PID).
+    The original paper was not available. An independent public program gives all eight settings of this table, and
+    several sources agree on those for set-point steps. Sources with more digits give ti = 1.16 T (set point 0 %, PI),
+    ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %, PID).
 
     The authors used an analogue computer. We simulated a lag with dead time exactly, for T/L from 4 to 50 and a filter
     time constant of td/10. For load steps, the overshoot is in per cent of the largest deviation:

@@ -2,8 +2,7 @@
 
 Symbols, controllers and range of models are the same as in `itae`, but the results are closer to the least ITAE. For
 set-point steps, most optimal controllers have zeros that cancel the poles of the model. For overdamped models with
-long dead time, cancelling the poles raises the ITAE by up to 11 %. The formulas for load steps are fitted to
-controllers with Ms of at most 2.
+long dead time, cancelling the poles raises the ITAE by up to 11 %.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
               b = 0.36\,\theta - \frac{0.391}{\theta} \left(\frac{\alpha_d \tau}{2\xi}\right)^2
 
     Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)` for every model. In two thirds
-    of the range the PIDA controllers of least ITAE give nearly this open loop. The second term of b and the
-    acceleration time, :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`, compensate the derivative filter.
+    of the range the PIDA controllers of least ITAE give nearly this open loop. The second term of b compensates the
+    derivative filter. So does the acceleration time, with :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`.
 
     The constants are fitted to the optima for 80 models of the range, with the default filters. The table shows by how
     much the ITAE exceeds the least ITAE (the average is a geometric mean):
@@ -40,19 +39,19 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     `itae.pida_setpoint` with the best factors of each model  64 %     257 %
     ========================================================  =======  =======
 
-    Ms is 1.76 to 2.21. With twice the default `alpha_d` and `alpha_a` it is up to 2.3, and with four times the default
-    it is up to 3.4. Check `pidalab.margins` if your filters are slower.
+    Ms is 1.76 to 2.21. With twice the default `alpha_d` and `alpha_a`, Ms is up to 2.3, and with four times the default
+    up to 3.4. Check `pidalab.margins` if you use slower filters.
 
-    These numbers apply if the process equals the model. In the three examples of heo2023 it does not. There the ITAE is
-    38 % larger, 10 % larger and 26 % smaller than with `itae.pida_setpoint` and Table 1. This ITAE is 1.8 to 4.5 times
-    the least ITAE for the process.
+    These numbers apply if the process equals the model. In the three examples of heo2023 the process differs from the
+    model. There the ITAE of `setpoint` is 138 %, 110 % and 74 % of the ITAE with Table 1. It is 1.8 to 4.5 times the
+    least ITAE for the process.
 
     Parameters
     ----------
     model : Process
         `sopdt` with damping from 0.3 to 2, and dead time divided by tau from 0.1 to 2.
     alpha_d, alpha_a : float, optional
-        Filter time constant divided by the derivative time, and likewise for the acceleration, above 0.
+        Factors above 0. The filter time constants are ``alpha_d * tau_d`` and ``alpha_a * tau_a``.
 
     Returns
     -------
@@ -61,7 +60,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     Raises
     ------
     TypeError, ValueError
-        If the model is out of range, or if `alpha_d` would change the sign of a gain. (No value up to 0.2 does so.)
+        If the model is out of range, or if `alpha_d` is so large that a gain has the wrong sign (never with values up
+        to 0.2).
 
     Examples
     --------
@@ -89,14 +89,14 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
               \begin{pmatrix} 1 \\ r\,\xi \\ r^2 \end{pmatrix}, \qquad
               \tau_a^2 = 2\left(\frac{k_a}{k_p} + \alpha_d \tau_d^2\right)
 
-    The constants are fitted to the optima with Ms ≤ 2 for 42 of the 80 models of a grid, with the default filters. On
-    this grid the ITAE exceeds the least ITAE for Ms ≤ 2 by 9 % on average (geometric mean) and at most 34 %. On 40
-    other models the excess is 9 % on average and at most 29 %. Ms is 1.66 to 2.02. Without a limit on Ms, the least
-    ITAE is on average only 37 % of the least ITAE for Ms ≤ 2, but Ms is up to 7.3.
+    The constants are fitted to the optima with Ms ≤ 2 and default filters, for 42 models of a grid of 80. On this grid
+    the ITAE exceeds that of the optima by 9 % on average (geometric mean) and at most 34 %. On 40 other models the
+    excess is 9 % on average and at most 29 %. Ms is 1.66 to 2.02. Without a limit on Ms, the least ITAE is 63 % smaller
+    on average, but Ms is up to 7.3.
 
-    With the rule of heo2023 (Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models that rule
-    gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples the ITAE of the
-    paper's rule is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
+    With `itae.pida_load` (heo2023, Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models
+    `itae.pida_load` gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples this
+    rule gives an ITAE that is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
 
     Parameters
     ----------

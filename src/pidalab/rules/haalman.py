@@ -27,10 +27,10 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
 
     The integral, derivative and acceleration times cancel the poles of the model, eq. (8): ``ti = a1``, ``td = a2/a1``,
     ``ta = a3/a1``. With the gain from `pidalab.gain_for_ms`, the loop of model and filtered controller, eq. (2), has
-    the maximum sensitivity `ms`. This loop does not contain the output filter of eq. (9).
+    the maximum sensitivity `ms`.
 
     Use `output_filter` or a prefilter of the set point. Otherwise a unit step of the set point moves the control signal
-    to kp (1 + n + m²/ta) at once. The output filter raises Ms slightly above `ms`.
+    to kp (1 + n + m²/ta) at once. The output filter, eq. (9), raises Ms slightly above `ms`.
 
     Parameters
     ----------
@@ -158,7 +158,8 @@ def tune(
     Raises
     ------
     TypeError, ValueError
-        As for `pida` and `output_filter`. Also if the kind is unknown or a three-point model does not match its record.
+        As for `pida` and `output_filter`. Also if the kind is unknown, or if the `excess_gain` of a three-point model
+        is too large.
 
     Examples
     --------
@@ -234,7 +235,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     model : Process
         The model.
     controller : PIDA
-        If it has acceleration, the filter is of second order, otherwise of first order.
+        The filter is of second order if ``controller.ta`` is not 0, otherwise of first order.
 
     Returns
     -------
@@ -278,5 +279,5 @@ def _trusted(model: Process | ThreePointModel) -> Process:
 
 
 def _with_gain(model: Process, unit: PIDA, ms: float) -> PIDA:
-    """Scale the controller `unit`, whose gain is 1/(gain of the model), so that Ms of the loop is `ms`."""
+    """Scale the controller `unit` so that Ms of the loop is `ms`."""
     return gain_for_ms(Loop(model, unit), ms) * unit

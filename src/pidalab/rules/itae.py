@@ -19,8 +19,7 @@ The printed tunings confirm the corrections of the derivative times, of the expo
 test the others. All constants are as printed. Where two cases of a formula meet, the jump is at most 13 % (gain of
 Table 2 at ξ = 0.9 for r = 2).
 
-`setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits. Even with these factors the ITAE
-stays well above its minimum.
+`setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
-    """Hold f_d, the share of the dead time that the acceleration compensates, and f_a = tau_a / tau_d."""
+    """Hold the factors f_d and f_a = tau_a / tau_d. The acceleration compensates the share f_d of the dead time."""
 
     f_d: float
     f_a: float
@@ -91,7 +90,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
                       \left(1.45 + 0.969\,r^{-1.171}\right)
 
     Three things are corrected (see the top of this module): the conditions of the gain formula, the sign in both
-    exponentials, and the left side of the last formula. We read the constant 2.2122 with one digit more than the
+    exponentials, and the left side of the last formula. As we read it, the constant 2.2122 has one digit more than the
     others. No printed tuning distinguishes it from 2.212.
 
     Parameters
@@ -153,15 +152,15 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The ratio r of the changed model may be as small as 0.057. Like the paper, we use the table outside its range. The
-    last formula is corrected (see the top of this module).
+    The changed model (subscript n) may have a ratio r as small as 0.057. Like the paper, we use Table 2 outside its
+    range. The last formula is corrected (see the top of this module).
 
     Parameters
     ----------
     model : Process
         `sopdt` within the range at the top of this module.
     alpha_d, alpha_a : float, optional
-        Filter time constant divided by the derivative time, and likewise for the acceleration, above 0.
+        Factors above 0. The filter time constants are ``alpha_d * tau_d`` and ``alpha_a * tau_a``.
     factors : tuple of float, optional
         Factors f_d and f_a. By default those of Table 1 for the given model (function `factors`).
 
@@ -313,16 +312,16 @@ def setpoint_factors(model: Process) -> Factors:
 
 
 def load_factors(model: Process) -> Factors:
-    r"""Compute factors for `pida_load`, fitted by us to the ITAE of load steps with Ms up to about 2. Not in the paper.
+    r"""Compute factors for `pida_load`, fitted by us to the ITAE of load steps, for Ms up to about 2. Not in the paper.
 
     .. math:: f_d = 0, \qquad
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
               \qquad \ell = \ln r, \quad x = \ln \xi
 
-    Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust: it is stable for
-    all models of the range, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least ITAE
-    of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 the loop is
-    unstable for seven of these models. `direct.load` is closer to the least ITAE.
+    Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust. For all models of
+    the range the loop is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least
+    ITAE of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 the
+    loop is unstable for seven of these models. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------

@@ -7,10 +7,10 @@ are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 condi
 .. math:: \sum_{c=0}^{m+1} (-1)^{c+1} A_{2r+1-c} K_{c-1} = \begin{cases} -\tfrac12 & r = 0 \\ 0 & r = 1 \dots m+1,
           \end{cases}
 
-eqs. (15) and (16). Here A_k are the areas of process and filter in series. Areas with a negative index are 0. The last
-condition contains :math:`A_{2m+3}`, so 2m + 4 areas are needed. The system is solved in exact fractions, because its
-condition number grows more than a hundredfold if m rises by 1. If the controller can cancel every pole of process and
-filter, the gains are unbounded and the system is singular.
+eqs. (15) and (16). Here A_k are the areas (see `pidalab.areas`) of process and filter in series. Areas with a negative
+index are 0. The last condition contains :math:`A_{2m+3}`, so 2m + 4 areas are needed. The equations are solved in exact
+fractions, because their condition number grows more than a hundredfold if m rises by 1. If the controller can cancel
+every pole of process and filter, the gains are unbounded and the equations are singular.
 
 The conditions do not ensure stability. If the delay dominates or the process oscillates, the loop is unstable for some
 m.
@@ -62,7 +62,7 @@ def gains(areas: ArrayLike, m: int) -> Array:
     Parameters
     ----------
     areas : array_like, shape (at least 2m + 4,)
-        A_0, A_1, ..., including the filter.
+        A_0, A_1, ... of process and filter in series.
     m : int
         Order of the highest derivative, at least 0.
 
@@ -218,7 +218,7 @@ def tune_for_noise(
     first: float | None = None,
     updates: int | None = None,
 ) -> Design:
-    r"""Design for a noise gain with the estimate of eq. (32), updating gains and filter time in turn, Fig. 5.
+    r"""Design for a noise gain: compute the gains and the filter time of eq. (32) in turn, Fig. 5.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def tune_for_noise(
     sample_time : float
         T_S, sample time of the controller, above 0.
     first : float, optional
-        Initial filter time, 0.1 in the paper. The default is a twentieth of the longest of \|A_k/A_0\|^(1/k),
+        Initial filter time, 0.1 in the paper. The default is a twentieth of the longest of the times \|A_k/A_0\|^(1/k),
         k = 1, 2, 3.
     updates : int, optional
         Number of updates of the filter time, at least 1. The paper makes four (Fig. 5). By default the updates
@@ -242,7 +242,7 @@ def tune_for_noise(
     Returns
     -------
     Design
-        Controller whose gains are computed for its filter time.
+        The gains are those for the final filter time.
 
     Raises
     ------
@@ -252,9 +252,9 @@ def tune_for_noise(
 
     Notes
     -----
-    With the initial value and the four updates of the paper, 69 of 70 filter times and gains in Tables 3 to 5, and all
-    18 in Table 6, agree with the paper within a unit of the last digit. If the updates continue until convergence, they
-    differ by up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
+    With ``first=0.1`` and ``updates=4``, as in Fig. 5, the filter times and gains agree with the paper within a unit of
+    the last digit: 69 of 70 in Tables 3 to 5, and all 18 in Table 6. With the default number of updates they differ by
+    up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -287,13 +287,13 @@ def tune_for_filter_noise(
     r"""Design for a noise gain of the controller alone, by eqs. (21) and (35) instead of the estimate of eq. (32).
 
     The noise is white and constant between samples. At high frequencies the gain of the process is small, so the
-    loop is neglected. The transfer function from the noise to the control signal is then about
+    feedback is neglected. The transfer function from the noise to the control signal is then about
 
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
     (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form of this transfer
-    function, without the asymptotes of eq. (26). `pidalab.noise_gain`, which includes the loop, gives a result that
-    differs by a few per cent if the filter is not much faster than the loop.
+    function. `pidalab.noise_gain`, which includes the loop, gives a result that differs by a few per cent if the filter
+    is not much faster than the loop.
 
     For n above m + 1, the estimate of eq. (32) may lead to only a third of the requested noise gain (column σ_rel of
     Table 4).
@@ -314,8 +314,8 @@ def tune_for_filter_noise(
     Raises
     ------
     TypeError, ValueError
-        As for `tune`, and if no filter time gives this noise gain. The search starts from the default initial value of
-        `tune_for_noise` and changes it by at most a factor of e^10.
+        As for `tune`, and if no filter time gives this noise gain. The search changes the default initial value of
+        `tune_for_noise` by at most a factor of e^10.
 
     Examples
     --------
@@ -346,7 +346,7 @@ def tune_for_filter_noise(
 
 
 def _bracket(excess: Callable[[float], float], start: float) -> tuple[float, float | None]:
-    """Return two logarithms of filter times that bracket the requested noise gain.
+    """Return the logarithms of two filter times whose noise gains are above and below the requested one.
 
     A longer filter time gives less noise. The second value is None if the search fails.
     """
@@ -372,7 +372,7 @@ def filtered_noise_gain(
 
 
 def _require_stable(loop: Loop, m: int, n: int, filter_time: float) -> None:
-    """Raise if the loop is unstable or its stability is not certain."""
+    """Raise if the loop is unstable or may be unstable."""
     try:
         verdict = "" if is_stable(loop) else "is unstable"
     except ArithmeticError as reason:
@@ -408,7 +408,7 @@ def _areas_of(model: Process | MeasuredAreas | ArrayLike, m: int) -> list[Fracti
     need = 2 * _check.integer("m", m, at_least=0, at_most=MOST_DERIVATIVES) + 4
     if isinstance(model, Process):
         areas = exact(model, need)
-    elif isinstance(getattr(model, "process", None), Process):  # a fit's values would be taken for areas
+    elif isinstance(getattr(model, "process", None), Process):  # the `values` of a fit are not areas
         raise TypeError(f"model must be a Process or areas, found {type(model).__name__}; pass its .process")
     else:
         values = model.values if isinstance(model, MeasuredAreas) else model
@@ -446,13 +446,13 @@ def _solved(areas: Sequence[Fraction], m: int) -> list[Fraction]:
 
 
 def _sensitivity(areas: Sequence[Fraction], gains: Sequence[Fraction], steps: Sequence[Fraction]) -> Array:
-    """Return the relative change of each gain if one area changes by its step, shape (m + 2, 2m + 4), or infinity."""
+    """Return relative changes of gain i if area k changes by ``steps[k]``, shape (m + 2, 2m + 4), possibly infinite."""
     size = len(gains)
     scale = [gain if gain else Fraction(1) for gain in gains]
     scaled = [[value * s for value, s in zip(_row(areas, r, size), scale, strict=True)] for r in range(size)]
     largest = [max(map(abs, row)) for row in scaled]
     matrix = np.array([[float(x / unit) for x in row] for row, unit in zip(scaled, largest, strict=True)])
-    moved = np.zeros((size, len(areas)))  # change of each condition for the step of each area
+    moved = np.zeros((size, len(areas)))  # change of condition r if area k changes by steps[k]
     for r in range(size):
         for c in range(min(size, 2 * r + 2)):
             k = 2 * r + 1 - c

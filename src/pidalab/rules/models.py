@@ -83,7 +83,7 @@ class StartingModels:
 
     @cached_property
     def reaction(self) -> Process:
-        """Lag with dead time, from the step response (steepest tangent and time at 63 %), or an integrator."""
+        """Lag with dead time, from the steepest tangent of the step response and the time at 63 %, or an integrator."""
         if not self._settles():
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:
@@ -112,7 +112,7 @@ class StartingModels:
         if not self._settles():
             raise ValueError("process must be stable: three_point needs a step response that settles")
         with warnings.catch_warnings():
-            # Ignore the warning, because comparisons simulate the loop with the process itself.
+            # Ignore the warning about models that do not match: comparisons simulate the loop with the process itself.
             warnings.simplefilter("ignore", RecordWarning)
             return three_point(*self._response(self.process)).process
 
@@ -125,7 +125,7 @@ class StartingModels:
             raise ValueError("process must be stable or integrating: the model comes from its step response")
         if itself:
             return self.process
-        # Leave out the largest lag, which hardly affects the initial slope.
+        # Simulate a time that does not depend on the largest lag, which hardly affects the initial slope.
         lags = np.sort(_lags(self.process))[: -1 if self._settles() else None]
         tangent = ipdt_tangent(*self._response(self._undelayed, 10 * float(np.sum(lags))))
         return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)

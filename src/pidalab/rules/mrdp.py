@@ -4,19 +4,19 @@ Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s
 
 .. math:: s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1}),
 
-eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. Any point :math:`x_o` is an (m+2)-fold zero if -N is the
+eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. A point :math:`x_o` is an (m+2)-fold zero if -N is the
 Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The rule chooses the :math:`x_o` nearest to 0 at
 which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
-With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le k} a^i/i!` the coefficient of
+With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le k} a^i/i!`, the coefficient of
 :math:`x^j` in N is
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
 In particular :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`. In double
-precision the formula for :math:`c_j` is accurate to 14 digits for m up to at least 24.
+precision the formula for :math:`c_j` is accurate to 14 digits, at least for m up to 24.
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         - ``weights``: b_0, b_1, ... of the prefilter,
         - ``ie``: the integral of the error after a unit step of the set point (the IAE if the error does not change its
           sign),
-        - ``smallest_te``: the result of the function `smallest_te`, times the dead time.
+        - ``smallest_te``: the result of the function `smallest_te`, times the dead time of the model.
 
     Raises
     ------
@@ -323,7 +323,7 @@ def smallest_te(m: int, n: int) -> float:
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
     and near this frequency the phase of the dead time passes through all values. So the loop is stable if the maximum
-    is below about 1. The function starts from this estimate and bisects, testing stability by the argument principle.
+    is below about 1. From this estimate the function bisects the exact stability limit.
 
     Parameters
     ----------

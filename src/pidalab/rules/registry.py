@@ -6,8 +6,8 @@
 model            definition
 ===============  =====================================================================================================
 `process`        the process itself
-`reaction`       lag with dead time, from the steepest tangent of the step response and the time at which the
-                 response reaches 63 %. If the process integrates, `integrator`.
+`reaction`       lag with dead time, from the steepest tangent of the step response and the time at 63 % of its
+                 final value. If the process integrates, the model is `integrator`.
 `first_order`    `reduction.to_fopdt`
 `second_order`   `reduction.to_sopdt`
 `third_order`    `identification.three_point` of the step response
@@ -37,7 +37,7 @@ from pidalab.rules._design import Design
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps for which a rule is made
-# If a rule leaves the filter to the user, the filter adds a delay of FILTER_SHARE * dead time of the model.
+# If a rule does not choose the filter, its delay is at least FILTER_SHARE * dead time of the model.
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of controllers with automatic reset
 IMC = "heo2023, rows IMC"
@@ -57,7 +57,7 @@ class Rule:
     source : str
         Paper and equations.
     models : mapping
-        Name of the model for each kind of controller, from the table of this module.
+        For each kind of controller, the name of the model (see the table of this module).
     design : callable
         Function of a model, a kind and `Requirements` that returns a `Design`.
     short : str
@@ -153,7 +153,7 @@ def find(name: str, *others: str) -> Rule:
 def _call_with_kind(
     tune: Callable[..., Design], *args: Any
 ) -> Callable[[Process, str, Requirements], Design]:
-    """Return a function of model, kind and requirements that calls `tune` with the model, `args` and the kind."""
+    """Return a function for `Rule.design` that calls `tune` with the model, `args` and the kind."""
     return lambda model, kind, limits: tune(model, *args, kind)
 
 
@@ -178,7 +178,8 @@ def _direct(test: str) -> Rule:
 def _magnitude_optimum(model: Process, kind: str, limits: Requirements) -> Design:
     """Design with the shortest filter time that meets the noise limit and is at least the sample time.
 
-    Without a noise limit the filter time T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the average residence time.
+    Without a noise limit or sample time, the filter time T_F is 0.1 (A_1/A_0)/(m + 1), where A_1/A_0 is the average
+    residence time.
     """
     m, noise_gain, sample_time = ORDER[kind], limits.noise_gain, limits.sample_time
     if noise_gain is None or sample_time is None:
@@ -271,7 +272,7 @@ RULES: dict[str, Rule] = {
 
 def _table() -> str:
     """Return the rules as a table for the documentation."""
-    rows = [("name", "kinds, model of each", "source")]
+    rows = [("name", "model for each kind", "source")]
     for rule in RULES.values():
         models = ", ".join(f"{kind}: `{model}`" for kind, model in rule.models.items())
         rows.append((rule.name + (f" (or {rule.short})" if rule.short else ""), models, rule.source))
