@@ -18,8 +18,8 @@ from pidalab.roots import roots
 if TYPE_CHECKING:
     import control
 
-FREQUENCIES = 1000  # number of frequencies of a response; a dead time adds more
-# Largest phase of the dead time, in rad: its change from one frequency to the next, and its value at the highest.
+FREQUENCIES = 1000  # default number of frequencies of a frequency response; a dead time adds more
+# Phase of the dead time in rad: largest change between two frequencies, and largest value.
 TURN_BETWEEN, TURNED = 0.1, 4 * np.pi
 UNITY: Fraction = np.ones(1), np.ones(1)
 BLOCKS = ("process", "controller", "output_filter", "prefilter")
@@ -87,7 +87,7 @@ class Loop:
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
         if isinstance(process, AsymmetricPlant):
             raise TypeError(
-                "process must be linear, found an AsymmetricPlant; use its .rising, and simulate_sampled(plant=...)"
+                "process must be linear, found an AsymmetricPlant; give its .rising and use simulate_sampled(plant=...)"
             )
         if not isinstance(process, Process):
             process = Process(*_rational("process", process, Process))

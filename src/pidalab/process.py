@@ -168,7 +168,7 @@ class Process(Block):
     __rmul__ = __mul__
 
     def __call__(self, s: ArrayLike) -> Any:
-        """Evaluate P at complex s of any shape with the exact dead time. Raise ValueError on overflow."""
+        """Evaluate P at complex s with the exact dead time. Raise ValueError on overflow."""
         return quotient(*fraction_at(self.num, self.den, s, self.delay))
 
     def rational_part(self) -> control.TransferFunction:
@@ -424,7 +424,7 @@ def lags(order: int, lag: float = 1.0, gain: float = 1.0, delay: float = 0.0) ->
 
 @dataclass(frozen=True)
 class AsymmetricPlant:
-    r"""Plant whose first lag, a store, fills and empties at different speeds.
+    r"""Plant whose first lag (the store) fills and empties at different speeds.
 
     .. math:: T(w, x)\,\dot x = w - x, \quad T = T_{rise} \text{ where } w > x, \text{ otherwise } T_{fall};
               \qquad y = G(s)\,x + D(s)\,w; \qquad w(t) = v(t - L)
@@ -483,7 +483,7 @@ class AsymmetricPlant:
         (main, under), (past, below) = rational("main", self.main), rational("direct", self.direct)
         under = np.convolve(under, [time, 1.0])
         extra, rest = np.polydiv(under, below) if under.size >= below.size else (np.ones(1), under)
-        # If `below` divides `under`, then `under` serves as common denominator.
+        # If the denominator `below` divides the denominator `under`, their common denominator is `under`.
         if np.max(np.abs(rest)) < 1e-12 * np.max(np.abs(under)):
             return Process(np.polyadd(main, np.convolve(past, extra)), under, self.delay)
         num = np.polyadd(np.convolve(main, below), np.convolve(past, under))

@@ -12,7 +12,7 @@ from pidalab._check import Array
 from pidalab.roots import quadratic_roots
 from pidalab.signals import FEWEST_JUDGED, Curve, Signals
 
-# If a record may end before its peak, its last y must differ from the final value by at most this share.
+# If y may still rise after the record, the last y must differ from the final value by at most this share.
 ARRIVED_SHARE = 0.1
 
 
@@ -25,8 +25,9 @@ class Response(Signals):
     Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. If this
     takes too many points and the estimated relative error exceeds 1e-3, a warning is issued. For a record with a given
     `area`, measures of y and e are compared with measures of every second sample. If the relative difference exceeds
-    3e-3, a warning is issued. Records with noise, records without `area`, and u of records that were not simulated are
-    not tested. For these, a step of a thirtieth of the shortest time constant usually keeps the error below 1e-3.
+    3e-3, a warning is issued. Three cases are not tested: a record with noise, a record without `area`, and a measure
+    of u if the record was not simulated. In these cases a sample time of a thirtieth of the shortest time constant
+    usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class Response(Signals):
     Raises
     ------
     ValueError
-        If the times are not uniform from 0, or if signals have another length or contain NaN or infinity.
+        If the times are not uniform from 0, or if a signal differs in length from `t` or contains NaN or infinity.
 
     Warns
     -----
@@ -283,7 +284,7 @@ class Response(Signals):
         final: float | None,
         less: Callable[[Array], float],
     ) -> float:
-        """Return the total variation of a signal minus `less` of its path."""
+        """Return the total variation of a signal minus ``less(path)``."""
         self._require_path(signal, horizon)
 
         def excess(record: Response) -> float:
@@ -516,7 +517,7 @@ class Response(Signals):
     def rise_time(self, low: float = 0.1, high: float = 0.9, final: float | None = None) -> float:
         """Return the time in which y rises from a low share to a high share of its final value.
 
-        If y starts above a share, y passes this share at t = 0. If y starts above the high share, the rise time is 0.
+        If y starts above a share, t = 0 counts as the time at which y passes this share.
 
         Parameters
         ----------
@@ -543,7 +544,7 @@ class Response(Signals):
         1.60
         """
         if not 0 < _check.real("low", low) < _check.real("high", high) < 1:
-            raise ValueError(f"low and high must be 0 < low < high < 1, found {low!r} and {high!r}")
+            raise ValueError(f"low and high must obey 0 < low < high < 1, found {low!r} and {high!r}")
         target = self._final(final, "rise_time")
         highest = float(np.max(self.y / target))
         if highest < high:
@@ -601,7 +602,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must contain the last tenth's error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
+                f"band must contain the last tenth: error {tail:.3g}, limit {limit:.3g}; simulate longer or widen it"
             )
 
         def entry(record: Response) -> float:
@@ -629,12 +630,11 @@ def _missed_top(size: Array, path: Array) -> float:
 
 
 def _missed(path: Array) -> Array:
-    """Estimate how much a signal between samples exceeds each of its local extremes. Return 0 at other samples.
+    """Estimate how much a signal between samples exceeds each local extreme of the samples. Return 0 at other samples.
 
-    The signal may be smooth, have a corner, or jump between two samples. In each case it stays within the extrapolation
-    of the two samples before the extreme or of the two samples after it. A smooth signal reaches an eighth of the
-    extrapolated change, and a corner half of this change on average. The function returns a quarter. A change between
-    two samples that is more than three times the neighbouring change counts as a jump.
+    Let c be the larger change between the extreme and the sample before or after it. The signal exceeds the extreme by
+    at most c: by c/8 if it is smooth, and by c/2 on average if it has a corner. The function returns c/4. A change that
+    is more than three times the neighbouring change may be a jump, so it counts as three times the neighbouring change.
     """
     rises = np.diff(path)
     steps = np.pad(np.abs(rises), 2)  # gives each sample two steps before and two steps after it

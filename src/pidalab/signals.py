@@ -18,12 +18,12 @@ from pidalab._check import Array
 Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
 SETTLED_SHARE = 1e-6  # in the last tenth of a settled record, |e| is at most this share of its maximum
-BLOCK = 8192  # sample intervals whose integrals are computed together
+BLOCK = 8192  # number of sample intervals that are integrated together; they fit into the cache
 FEWEST_JUDGED = 20  # a shorter record is not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
 INTEGRALS = ("iae", "ise", "itae")
-SAME_SHARE = 2e-4  # a measure is the same on two grids if it differs by less than this share
-DOUBT_SHARE = 1e-3  # a measure with a larger estimated relative error warns
+SAME_SHARE = 2e-4  # two grids agree if a measure differs by at most this share
+DOUBT_SHARE = 1e-3  # a larger estimated relative error of a measure causes a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Signals:
     ) -> float:
         """Return a measure that does not change on a finer grid, or warn with an estimate of its error.
 
-        `measure` computes the measure of a record without warnings. `missed` bounds how much the samples of a record
+        `measure` computes the measure of a record without warnings. `missed` estimates how much the samples of a record
         underestimate extremes. A difference between grids is divided by the larger of the measure and `least`.
 
         Notes
@@ -329,8 +329,8 @@ class Signals:
         """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
         The test begins at the first change of the signal or at the last change of set point or load, whichever is
-        later. Set point and load are ignored if they change all the time. Nothing is tested in fewer than
-        `FEWEST_JUDGED` samples.
+        later. Set point and load are ignored if they change all the time. If fewer than `FEWEST_JUDGED` samples remain,
+        nothing is tested.
         """
         if not self._grows(signal, 0):
             return
@@ -360,8 +360,7 @@ class Signals:
     def _pieces(self, horizon: float | None, block: int = BLOCK) -> Iterator[tuple[Curve, Array, Array]]:
         """Yield parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end for all sample intervals, block by block.
 
-        Each item is (c0, c1, c2), the ends, and the times at s = 0. Blocks that fit into the processor's cache halve
-        the computing time.
+        Each item is (c0, c1, c2), the ends, and the times at s = 0.
         """
         horizon = self._horizon(horizon)
         for begin in range(0, self.t.size - 1, block):

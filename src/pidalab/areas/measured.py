@@ -23,14 +23,14 @@ from pidalab import _check
 from pidalab._check import Array
 
 PIECES = 16  # a steady state is divided into this number of pieces, and their means are compared
-LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of the tested transients, in lengths of a piece
+LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of the exponentials in `_transients`, in lengths of a piece
 SHORTEST = 0.05  # least length of a steady state, relative to the record after the first move of u
-SHORTER = 0.9  # length of each tried steady state / length of the previous one
+SHORTER = 0.9  # if a section is not steady, the next section tried is shorter by this factor
 DRIFT = 2.5  # a transient of up to this number of standard deviations counts as noise
 FADE = 5.0  # like DRIFT, but for the squares of the record, which scatter more
 LONGER = 1.1  # the visible duration of a transient is multiplied by this, since noise hides the end
 ROUNDING = float(np.finfo(float).eps)  # a smaller drift, relative to the level, is a rounding error
-UNCERTAIN = 0.05  # a warning is given if the relative uncertainty of an area is larger
+UNCERTAIN = 0.05  # a larger relative uncertainty of an area causes a warning
 
 
 class RecordWarning(UserWarning):
@@ -136,14 +136,15 @@ def from_record(
     sixteen pieces, and the means of the pieces are compared with five decaying exponentials, whose time constants are
     1/32 to 1/2 of the section. A transient is found if the component of an exponential exceeds 2.5 standard deviations.
     A decaying oscillation appears in the means of the squares, where the limit is 5 standard deviations. Noise hides
-    smaller transients, which would make all areas too small. Therefore the time from the first move of the input to the
-    steady state is made a tenth longer. The final levels are means of the steady state. The integrals end at its start.
+    the end of the transient, and without this end all areas would be too small. Therefore the time from the first move
+    of the input to the steady state is made a tenth longer. The integrals end where the steady state begins. The final
+    levels are means of the steady state.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
-    :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The size of the tail follows from the
-    largest difference between the mean of a quarter of the steady state and the mean of all of it. The noise may be
-    coloured if its correlation time is below a sixteenth of the steady state. If the record ends before it has settled,
-    the estimated uncertainty is large but still too small. Load disturbances and outliers are not detected.
+    :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The steady state is divided into quarters.
+    The quarter whose mean differs most from the overall mean gives the size of the tail. The noise may be coloured if
+    its correlation time is below a sixteenth of the steady state. If the record ends before it has settled, the
+    estimated uncertainty is large but still too small. Load disturbances and outliers are not detected.
 
     References
     ----------
@@ -237,7 +238,7 @@ def _pieces(x: Array) -> tuple[Array, float]:
 
 
 def _noise(x: Array, h: float) -> tuple[float, float]:
-    """Return the spectral density of low-frequency noise, and the largest abs(mean of a quarter - mean of all)."""
+    """Return the spectral density of low-frequency noise, and the largest abs(mean of a quarter - overall mean)."""
     means, spread = _pieces(x)
     quarters = np.mean(means.reshape(4, -1), axis=1)
     return spread**2 * (x.size // PIECES) * h, float(np.max(np.abs(quarters - np.mean(means))))
@@ -248,7 +249,7 @@ def _steady(x: Array) -> bool:
 
     A decaying oscillation, or a transient whose mean happens to be 0, appears only in the squares.
     """
-    # Every piece has a rounding error, and a projection adds these errors.
+    # The mean of each piece has a rounding error, and `_transients` adds these errors.
     rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
     squares = (x - np.mean(x[x.size // 2 :])) ** 2
     means, power = _transients(x), _transients(squares)
@@ -265,10 +266,10 @@ def _transients(x: Array) -> tuple[Array, float]:
 
 
 def _of_samples(x: Array, weights: Array, h: float) -> Array:
-    """Integrate a smooth x times tau^(k-1)/(k-1)!, k = 1, 2, ..., by the trapezoidal rule.
+    """Integrate the product of a smooth signal x and tau^(k-1)/(k-1)! for k = 1, 2, ... by the trapezoidal rule.
 
-    The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning x is constant, so
-    the integrand is a power of tau. The Euler-Maclaurin correction is added.
+    The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning x is constant and the
+    integrand a power of tau, so the Euler-Maclaurin formula gives a correction.
     """
     product = weights[:-2] * x
     k = np.arange(1, len(product) + 1)
@@ -309,7 +310,7 @@ def _quantisation(y: Array, end: Array) -> float:
 
     The step is the smallest difference of two values of the record. If y has fewer than three values, the step is
     unknown and the result is 0. Gaussian noise of standard deviation sigma multiplies the error of a mean by
-    exp(-2 pi^2 sigma^2/step^2), the first harmonic of the rounding error.
+    exp(-2 pi^2 sigma^2/step^2), if only the first harmonic of the error is counted.
     """
     steps = np.diff(np.unique(y))
     if steps.size < 2:
@@ -322,7 +323,7 @@ def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
     """Return (errors of the moments) / (height of a slow tail), and (height of the tail) / (drift that it causes).
 
     The tail decays like a lag. The time constant is the standard deviation of the impulse response, so that a dead time
-    has no effect. The integrals miss the part of the tail after their end. The tail also shifts the final level.
+    has no effect. The integrals end before the tail does. The tail also shifts the final level.
     """
     gain, mean, square = values[:3]
     lag = math.sqrt(abs(2 * square / gain - (mean / gain) ** 2)) if gain else 0.0

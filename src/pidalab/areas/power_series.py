@@ -1,7 +1,7 @@
 """Power series about s = 0 with exact rational coefficients.
 
-The list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``. With this sign, lags and dead times have
-positive coefficients.
+The list ``[a0, a1, a2, ...]`` stands for ``a0 - a1 s + a2 s^2 - ...``. With these signs, the coefficients of lags and
+dead times are positive.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def product(first: Sequence[Fraction], second: Sequence[Fraction]) -> list[Fract
 
 
 def quotient(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> list[Fraction]:
-    """Return the quotient of two series, truncated to the length of the shorter. The divisor must not start with 0."""
+    """Return the quotient of two series, truncated to the shorter length. The divisor must not start with 0."""
     result: list[Fraction] = []
     for k in range(min(len(numerator), len(denominator))):
         known = sum((denominator[k - i] * result[i] for i in range(k)), Fraction(0))

@@ -192,8 +192,8 @@ class Controller(Block):
         output_filter : OutputFilter or control.TransferFunction, optional
             As in `pidalab.digital.discretise`.
         **options : optional
-            As in `pidalab.digital.discretise`. The default limits are the ``limits`` of the controller plus `bias`. The
-            default anti-windup of a controller with derivatives but without proportional action is "clamping".
+            As in `pidalab.digital.discretise`. The default limits are the ``limits`` of the controller plus `bias`. If
+            the controller has derivatives but no proportional action, the default anti-windup is "clamping".
 
         Returns
         -------
@@ -203,8 +203,8 @@ class Controller(Block):
         Raises
         ------
         TypeError, ValueError
-            If a value is out of its range, the sample time is too long for the method, or the output filter does not
-            consist of equal lags of gain 1.
+            If a value is out of its range, the sample time is too long for the method, or the output filter is not a
+            chain of equal lags with gain 1.
 
         Examples
         --------
@@ -267,6 +267,6 @@ def coerce_floats(controller: Controller, names: Sequence[str], **bounds: float)
 
 
 def without_common_s(num: ArrayLike, den: ArrayLike) -> Fraction:
-    """Return num and den without a common factor s. They have such a factor if there is no integral action."""
+    """Return num and den without the common factor s that they have if there is no integral action."""
     num, den = _check.polynomial("gains", num), np.asarray(den, dtype=float)
     return (num[:-1], den[:-1]) if num.size > 1 and num[-1] == 0 else (num, den)

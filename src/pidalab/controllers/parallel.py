@@ -137,7 +137,7 @@ class NonInteractivePIDA(Controller):
     tau_d, tau_a : float
         Derivative and acceleration time, not negative.
     alpha_d, alpha_a : float, optional
-        Filter time constants divided by `tau_d` and by `tau_a`, above 0.
+        Time constants of the two filters, divided by `tau_d` and `tau_a`. Both above 0.
 
     Raises
     ------

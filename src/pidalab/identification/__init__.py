@@ -1,6 +1,6 @@
 """Identify a process model from a plant record, by three points, a tangent or a ramp.
 
-`fit` uses all samples of a record. It belongs to `pidalab.plant` and is imported on first use.
+`fit`, which uses all samples of a record, is imported from `pidalab.plant` on first use.
 """
 
 from typing import TYPE_CHECKING, Any

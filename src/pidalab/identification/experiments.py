@@ -19,11 +19,11 @@ from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)  # levels of the three-point model, as shares of the change
 OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an overshoot must be noise
-MOST_ENDS = 400  # a ramp is fitted to at most this number of intervals, which all begin at 0
+MOST_ENDS = 400  # `ipdt_least_squares` tries at most this number of end times t_1
 # A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
-NOISY = 0.01  # single samples mislead if noise / (whole change) is above this
-# If `excess_gain` is above this, Ms is clearly larger with the process than with the model.
+NOISY = 0.01  # a larger noise / (whole change) causes a warning, since single samples then mislead
+# If `excess_gain` is above this, a tuned loop has a clearly larger Ms with the process than with the model.
 MOST_EXCESS_GAIN = 0.25
 
 
@@ -53,10 +53,10 @@ class ThreePointModel:
     tau : float
         Dominant time constant.
     times : tuple of float
-        Times at which the record reaches the three levels.
+        Times at which the record reaches 5 %, 35.3 % and 85.3 % of the change.
     excess_gain : float
-        Largest relative amount by which the gain of the record exceeds that of the model, up to the frequency 1/(αL).
-        The rules place the crossover near 1/(αL). nan if unknown.
+        Largest value of (gain of the record) / (gain of the model) - 1 up to the frequency 1/(αL), near which the rules
+        place the crossover. nan if unknown.
     """
 
     gain: float
@@ -107,10 +107,10 @@ def three_point(
     useful if the noise is at most about 1 % of the change. For more noise use `pidalab.identification.fit`, which uses
     all samples.
 
-    The formulas of eq. (5) underestimate a dead time that is short compared with the dominant lag. With τ = 1,
-    L = 0.25 and α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %, but the
-    controller that the paper's rule gives for this model and Ms = 1.4 has Ms = 2.99 with the process. `excess_gain`
-    shows this error.
+    The formulas of eq. (5) underestimate a dead time that is short compared with the dominant lag. For a process with
+    τ = 1, L = 0.25 and α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %. But if
+    the rule of haalman2024 is applied to this model with Ms = 1.4, the loop with the process has Ms = 2.99.
+    `excess_gain` shows this error.
 
     Raises
     ------
@@ -158,8 +158,8 @@ def three_point(
     if excess > MOST_EXCESS_GAIN:
         warn(
             f"the gain of the record exceeds that of the model by up to {100 * excess:.0f} % below the frequency "
-            f"{highest:.4g}; {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with this model may be unstable; "
-            "use identification.fit",
+            f"{highest:.4g}; up to {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with this model may be "
+            "unstable; use identification.fit",
             RecordWarning,
             stacklevel=2,
         )
@@ -194,10 +194,10 @@ def ipdt_tangent(
     step : float, optional
         Change of the input, not 0. By default 1.
     span : float, optional
-        Length of the segment in time, rounded to whole steps of t. The default is one sample interval, which suits a
-        record without noise. The relative errors of slope and dead time are then of the order of the squared sample
-        time, or of the sample time if the record is steepest at a corner. For a noisy record give a longer `span`.
-        A line is then fitted by least squares. For a Record with noise the default is a third of the rise time.
+        Length of the segment in time, rounded to whole steps of t. By default a third of the rise time for a Record
+        with noise, and otherwise one step of t. With one step, the relative errors of slope and dead time are of the
+        order of the squared step. If the record is steepest at a corner, they are of the order of the step. If arrays
+        contain noise, give a longer `span`, over which a line is fitted by least squares.
 
     Returns
     -------
@@ -333,7 +333,7 @@ def ipdt_least_squares(
 
     Notes
     -----
-    The paper gives its criterion without a formula, only in words: least squares, largest gain.
+    The paper gives its criterion only in words: least squares, largest gain.
 
     Examples
     --------
@@ -367,7 +367,7 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     For a ramp that starts between two given samples, a regression line through the later samples gives the best start
     and slope. The start is clipped to the interval. The best result of all intervals and their ends is returned.
     """
-    # Each entry is the sum over the samples from the i-th on.
+    # Entry i of each array is the sum over sample i and all later samples.
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))
     i = np.arange(1, t.size - 2)  # at least two samples must lie on the ramp
     spread = count[i] * stt[i] - st[i] ** 2
@@ -376,7 +376,7 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     with np.errstate(divide="ignore", invalid="ignore"):
         free = (st[i] - sy[i] / slope) / count[i]
     inside = np.clip(np.where(np.isfinite(free), free, 0.0), t[i - 1], t[i])
-    # If the minimum is outside the interval, one of its ends is best.
+    # If the minimum is outside the interval, an end of the interval is best.
     delay, i = np.concatenate([inside, t[i - 1], t[i]]), np.tile(i, 3)
     square, product = stt[i] - 2 * delay * st[i] + delay**2 * count[i], sty[i] - delay * sy[i]
     best = int(np.argmax(product**2 / square))  # this ramp reduces the sum of squares most
@@ -391,7 +391,7 @@ def _whole_change(y: Array) -> float:
 
 
 def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> tuple[Array, Array, float]:
-    """Check a step experiment. Return the times from the step on, the output and the change of the input."""
+    """Check a step experiment. Return times from the step on, output and change of the input."""
     if is_record(t):
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record, which contains them")
