@@ -283,7 +283,7 @@ MESSAGES = {
         (partial(reduction.ultimate_frequency, DEAD), "process must have a phase that falls below -pi: it never does"),
         (
             partial(reduction.ultimate_frequency, Process([1.0, 0.0, 0.25], [1.0, 3.0, 3.0, 1.0], 1.0)),
-            r"it first jumps at the zero at 0\.5j",
+            r"the phase jumps at the zero at 0\.5j",
         ),
         (partial(reduction.ultimate_frequency, Process([1.0], [1.0, 0, 0], 1.0)), "at most one integrator, found 2"),
         (partial(reduction.to_fopdt, Process([1.0, -2.0, 1.0], [1.0, 2.0, 1.0])), r"must be below 1, found 1"),

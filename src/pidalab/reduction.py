@@ -104,7 +104,7 @@ def ultimate_frequency(process: Process) -> float:
     w = w[w < on_axis.min(initial=math.inf)]
     past = np.flatnonzero(phase(w) < -np.pi)
     if not past.size or past[0] == 0:
-        reason = f"it first jumps at the zero at {on_axis.min():.6g}j" if on_axis.size else "it never does"
+        reason = f"the phase jumps at the zero at {on_axis.min():.6g}j" if on_axis.size else "it never does"
         raise ValueError(f"process must have a phase that falls below -pi: {reason}; found {process!r}")
     low, high = w[past[0] - 1], w[past[0]]
     return float(brentq(lambda x: phase(x)[0] + np.pi, low, high, xtol=1e-14 * low, rtol=1e-14))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from pidalab._check import Array
 
-# Roots within these relative distances are tried as one multiple root.
+# Roots whose relative distance is below one of these values are tried as one multiple root.
 RADII = (1e-6, 1e-3, 0.02, 0.1, 0.3, 0.6)
 # A difference of coefficients, relative to their size, counts as rounding if it is below SAME_COEFFICIENTS * degree.
 SAME_COEFFICIENTS = 1e-14

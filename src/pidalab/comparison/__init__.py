@@ -104,10 +104,10 @@ def compare(
     process : Process
         The plant.
     ms : float, optional
-        Largest maximum sensitivity, above 1, for the optima and the rule haalman. Other rules ignore it.
+        Limit of Ms, above 1, for the optima and the rule haalman. Other rules ignore it.
     noise_gain : float, optional
-        Largest noise gain, in units of u per unit of y, for the optima and the magnitude optimum. By default 1.5 times
-        the ``gain`` of `pidalab.noise_scale`.
+        Limit of the noise gain, in units of u per unit of y, for the optima and the magnitude optimum. By default 1.5
+        times the ``gain`` of `pidalab.noise_scale`.
     sample_time : float, optional
         Sample time of the noise, above 0. By default the ``sample_time`` of `pidalab.noise_scale`. It does not affect
         the relative noise gain in the table.

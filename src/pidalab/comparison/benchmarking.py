@@ -201,7 +201,7 @@ class Benchmark:
         return pd.concat([others, mine]).dropna(subset=["of_best"])
 
     def refusals(self) -> pd.Series:
-        """Count the plants on which the rule refused or gave an unstable loop, by reason.
+        """Count, for each reason, the plants on which the rule refused or gave an unstable loop.
 
         Returns
         -------

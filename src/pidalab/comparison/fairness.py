@@ -129,5 +129,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
     # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So return a filter
-    # time that was found to keep the limit.
+    # time that keeps the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

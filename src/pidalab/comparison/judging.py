@@ -108,7 +108,7 @@ def measure_row(
     sample_time : float or None
         Sample time of the noise. If it is None, the noise gain is not computed.
     horizon : float
-        Length of the simulations at the first attempt. They are made longer until the responses settle.
+        Length of the first simulation. It is doubled until the response has settled.
 
     Returns
     -------

@@ -24,7 +24,7 @@ from pidalab.robustness.axis import (
 )
 from pidalab.roots import roots
 
-# If the dead time turns the phase by more than this angle in rad, rounding hides a fraction of a turn.
+# If the dead time turns the phase by more than this angle in rad, rounding errors are a noticeable part of a turn.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # grid points per decade, far from all corner frequencies
 CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse

@@ -224,7 +224,6 @@ def popov(loop: Loop) -> Criterion:
     Returns
     -------
     Criterion
-        The multiplier is 0 if no larger multiplier gives a larger margin.
 
     Raises
     ------

@@ -225,7 +225,7 @@ def bandwidth(loop: Loop) -> float:
         raise ValueError("the closed loop is unstable: it has no bandwidth")
     static = 1.0 if math.isinf(axis.at_zero) else abs(axis.at_zero / (1 + axis.at_zero))
     if static == 0:
-        raise ValueError("the static gain of T must not be 0, found 0, so the bandwidth is not defined")
+        raise ValueError("the bandwidth is not defined: the static gain of T must not be 0, found 0")
     level = static * 10 ** (-DROP / 20)
     # |T| is below the level wherever |L| < level / (1 + level).
     w = axis.follow(0.9 * level / (1 + level))

@@ -170,8 +170,8 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
     Notes
     -----
     With many equal lags, the coefficients of the characteristic polynomial lose digits. Therefore Aberth's method
-    refines the roots with L in factored form. If this method fails, for example for a cluster around the poles of a
-    fast filter, the error bound of a root is the order of the polynomial times the length of the Newton step.
+    refines the roots with L in factored form. If this method fails, for example around the poles of a fast filter, the
+    error bound of a root is the order of the polynomial times the length of the Newton step.
     """
     factors, (num, den) = loop_factors(loop), open_loop(loop)
     if not np.any(num):

@@ -213,7 +213,7 @@ def _without_leads(
 ) -> tuple[float, list[float], int]:
     """Replace each zero in the left half-plane and a lag of similar size by a gain. Rule T3 adds a shorter lag.
 
-    The rules T1 to T3 are in section 2.2 of Skogestad (2003).
+    Rules T1 to T3 are in section 2.2 of Skogestad (2003).
     """
     lags = list(lags)
     for lead in leads:

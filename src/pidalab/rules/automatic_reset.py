@@ -81,8 +81,7 @@ def multiple_pole(m: int) -> Setting:
     Returns
     -------
     Setting
-        Setting with the shortest possible reset time, computed from `pidalab.rules.mrdp.constants` (Table 1 of the
-        paper).
+        Setting with the shortest reset time, computed from `pidalab.rules.mrdp.constants` (the paper's Table 1).
 
     Raises
     ------

@@ -74,7 +74,7 @@ def gains(areas: ArrayLike, m: int) -> Array:
     Raises
     ------
     ValueError
-        If there are too few areas, the static gain is 0, or the system is singular or too ill-conditioned.
+        If there are too few areas, the static gain is 0, or the equations are singular or too ill-conditioned.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     n : int
         Order of the filter, at least m.
     filter_time : float
-        Time constant T_F of the filter, above 0. Without filter (``n=0``) it is 0.
+        Time constant T_F of the filter, above 0. Without filter (``n=0``) it must be 0.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def tune(model: Process | MeasuredAreas | ArrayLike, m: int, n: int, filter_time
     ------
     TypeError, ValueError
         If an order or the filter is out of its range; if the process is integrating or unstable, has no static gain, or
-        gives an unstable loop; if there are too few areas; or if the system is singular or too ill-conditioned. For
+        gives an unstable loop; if there are too few areas; or if the equations are singular or too ill-conditioned. For
         measured areas, also if the uncertainty of a gain is as large as the gain, or if the integral gain has the wrong
         sign.
 
@@ -176,7 +176,7 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     gain : float
         K_m, gain of the highest derivative, not 0.
     m, n : int
-        Orders. n must be at least m and at least 1.
+        Orders of derivative and filter. n must be at least m and at least 1.
     noise_gain : float
         K_HF, above 0.
     sample_time : float

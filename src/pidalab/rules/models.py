@@ -125,7 +125,7 @@ class StartingModels:
             raise ValueError("process must be stable or integrating: the model comes from its step response")
         if itself:
             return self.process
-        # Simulate a time that does not depend on the largest lag, which hardly affects the initial slope.
+        # The largest lag hardly affects the initial slope, so the simulated time does not depend on it.
         lags = np.sort(_lags(self.process))[: -1 if self._settles() else None]
         tangent = ipdt_tangent(*self._response(self._undelayed, 10 * float(np.sum(lags))))
         return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)
