@@ -159,7 +159,7 @@ MESSAGES = {
         (pidalab.load_response(L, T).overshoot, "overshoot needs a final value other than 0"),
         (partial(slow.iae, math.inf), "horizon=inf needs a settled record: the error in the last"),
         (partial(ANSWER.settling_time, 2.0), "band must be a share between 0 and 1"),
-        (partial(ANSWER.between, 0.5, 90.0), r"start and stop must be in order, 0 to 20, found 0\.5 and 90"),
+        (partial(ANSWER.between, 0.5, 90.0), r"start and stop must be in order and from 0 to 20, found 0\.5 and 90"),
         (partial(ANSWER.against, pidalab.step_response(L, T[:-1])), "reference must have the same times, found"),
         (partial(pidalab.Response, [0.0, 1.0, 3.0], 1, 0, 0, 0, 0), r"t must be uniform with step 1\.5, found 1 at"),
         (partial(pidalab.Response, T, 1, 0, 0, T, 0, final="1"), "final must be a real number, found '1'"),

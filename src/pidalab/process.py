@@ -22,7 +22,7 @@ def of_control(system: Any) -> bool:
 class Block:
     """Arithmetic of plants and controllers: ``2 * block``, ``block / 2``, ``-block``, products with python-control."""
 
-    __array_ufunc__ = None  # makes numpy numbers leave the product to this class
+    __array_ufunc__ = None  # makes numpy leave products to this class
 
     def _scaled(self, factor: float) -> Any:
         """Return the block with its gain multiplied by a factor."""

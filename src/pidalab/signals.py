@@ -19,7 +19,7 @@ Curve = tuple[Array, Array, Array]
 REFINEMENT = 4  # each finer grid has this number of steps in one step of the previous grid
 SETTLED_SHARE = 1e-6  # in the last tenth of a settled record, |e| is at most this share of its maximum
 BLOCK = 8192  # number of sample intervals that are integrated together; they fit into the cache
-FEWEST_JUDGED = 20  # a shorter record is not tested for divergence or resolution
+FEWEST_JUDGED = 20  # a record with fewer samples is not tested for divergence or resolution
 FINEST_GRID = 150_000  # largest number of samples of a finer grid
 INTEGRALS = ("iae", "ise", "itae")
 SAME_SHARE = 2e-4  # two grids agree if a measure differs by at most this share
@@ -178,7 +178,7 @@ class Signals:
         Returns
         -------
         Response
-            Response with n = 0 and the output y + n. The added noise is held between samples.
+            Response with n = 0. The added noise is held between samples.
 
         Examples
         --------
@@ -208,7 +208,7 @@ class Signals:
         Returns
         -------
         Response
-            Response with set point 0, whose y is the difference of both outputs. Its error is ``e = reference.y - y``.
+            Response with set point 0 and output ``self.y - reference.y``. So its error is ``reference.y - self.y``.
 
         Raises
         ------
@@ -294,7 +294,7 @@ class Signals:
         first, last = round(start / self.step), round(stop / self.step)
         if not 0 <= first < last <= self.t.size:
             raise ValueError(
-                f"start and stop must be in order, 0 to {self.t[-1]:g}, found {start:g} and {stop:g}"
+                f"start and stop must be in order and from 0 to {self.t[-1]:g}, found {start:g} and {stop:g}"
             )
         return first, last
 

@@ -129,8 +129,8 @@ def from_record(
 
     Notes
     -----
-    Sampling with step h causes only one error that matters. If the slope of y jumps by y', as with a single lag, the
-    error of A_1 is about h² y'/12.
+    Sampling with step h causes only one error that matters. If the slope of y jumps by y', as in the response of
+    a single lag, the error of A_1 is about h² y'/12.
 
     The last section of the record counts as a steady state if no transient is found in it. The section is divided into
     sixteen pieces, and the means of the pieces are compared with five decaying exponentials, whose time constants are
