@@ -2,8 +2,9 @@ r"""Reduce any stable process to a model of first or second order with dead time
 
 Both reductions keep the static gain and the phase at the ultimate frequency :math:`\omega_u`, at which the phase of
 :math:`G(j\omega)/G(0)` first falls below :math:`-\pi`. The paper names its source for the reduction but does not give
-the method. The method used here reproduces all 24 parameters of Tables 4 to 6. With other weights, or with 9 or 11
-frequencies, the second-order models differ from the tables in the third decimal.
+the method. The method used here reproduces all 24 parameters of Tables 4 to 6. The fit of second order gives ten
+frequencies equal weights. With other weights, or with 9 or 11 frequencies, its models differ from the tables in the
+third decimal.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def ultimate_frequency(process: Process) -> float:
     ------
     TypeError, ValueError
         If `process` is not a `Process`, is unstable, or has two integrators, no static gain or no ultimate frequency.
-        Without dead time, lags and zeros must turn the phase by more than 180°, as three lags do.
+        If there is no dead time, the lags and zeros must turn the phase by more than 180°, as three lags do.
 
     Examples
     --------
@@ -197,7 +198,7 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     r"""Reduce a process to a second-order model with dead time, by least squares up to the ultimate frequency.
 
     With :math:`g(\omega) = |G(j\omega)/G(0)|^2` at equally spaced frequencies from 0 to :math:`\omega_u` (both
-    included), :math:`a` and :math:`b` solve the first of these equations by least squares. The other two equations then
+    included), :math:`a` and :math:`b` solve the first equation below by least squares. The other two equations then
     give τ and ζ:
 
     .. math:: g(\omega)\,(1 + a\,\omega^2 + b\,\omega^4) = 1, \qquad

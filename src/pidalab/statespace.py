@@ -97,7 +97,7 @@ def monic(poles: list[complex]) -> list[float]:
 
 
 def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
-    """Return num (descending powers of x) divided by all x - p, modulo q (see `monic`), in ascending powers."""
+    """Divide num (descending powers) by the product of all x - p, modulo q (see `monic`). Return ascending powers."""
     v: list[complex] = [0.0] * len(q)
     for coefficient in num:
         top = v[-1]
@@ -138,7 +138,7 @@ def _chain(poles: Any) -> Array:
 
 def numerator(part: Part) -> Any:
     """Return the numerator of a part in descending powers. The denominator is the monic polynomial of its poles."""
-    # `now` is the polynomial of the present state, and `before` the polynomial of the previous state.
+    # `now` is the polynomial for state variable i, and `before` the polynomial for state variable i - 1.
     before, now, total = np.zeros(1), np.ones(1), np.zeros(1)
     for i in range(part.b.size):
         total = np.polyadd(total, part.b[i] * now)

@@ -20,7 +20,7 @@ from pidalab.rules import Design
 from pidalab.rules.models import StartingModels, time_scale
 from pidalab.rules.registry import RULES, Rule, find
 
-PERIODS = 12.0  # length of a simulation at the first attempt, in ultimate periods of the plant
+PERIODS = 12.0  # length of the first simulation, in ultimate periods of the plant (see `first_horizon`)
 RELATIVE_NOISE_GAIN = 1.5  # default limit of the relative noise gain
 COMPARISON_COLUMNS = {
     "IAE load": "iae_load",
@@ -54,7 +54,7 @@ class Comparison:
     rows: tuple[DesignRow, ...]
 
     def keeps(self, row: DesignRow) -> bool:
-        """Return True if the Ms and the noise gain of a row exceed their limits by at most 0.1 %.
+        """Return True if a row keeps the limits of Ms and noise gain, with a tolerance of 0.1 %.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ def designs(
 
 
 def first_horizon(process: Process) -> float:
-    """Return the length of a simulation at the first attempt, estimated from the time scale of the plant."""
+    """Return the length of the first simulation, estimated from the time scale of the plant."""
     try:
         return PERIODS * noise_scale(process).period
     except ValueError:

@@ -32,7 +32,7 @@ from pidalab.rules.models import StartingModels
 
 TABLES = Path(__file__).with_name("tables")
 EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # limits of the relative noise gain: about 2 and 10 times that of a PI
+NOISE = {"quiet": 0.3, "loud": 1.5}  # limits of the relative noise gain; a PI typically has 0.15
 # columns of `Benchmark.as_published` and of `Benchmark.ranking`
 PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")
 RANKED = ("plants", "of its kind", "of all", "worst tenth")

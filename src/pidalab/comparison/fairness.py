@@ -21,7 +21,8 @@ from pidalab.rules.models import time_scale
 LONGEST_FILTER = 1e4  # longest filter time that is tried, in sample times
 LEAST_SCALE = 0.01  # smallest factor of the gains; with smaller gains a controller has no effect
 TIME_RTOL = 1e-7  # relative accuracy of the filter time
-DENSITY = 4  # this factor times the usual number of frequencies gives six digits of the noise gain
+# With DENSITY times the usual number of frequencies, six digits of the noise gain are correct.
+DENSITY = 4
 
 
 def at_equal_terms(
@@ -128,6 +129,6 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
-    # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So return a filter
-    # time that keeps the limit.
+    # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So a filter time
+    # with exactly this noise gain may not exist. Return the shortest one found below the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -45,8 +45,9 @@ class DesignRow(NamedTuple):
     load, setpoint : Response or None
         Responses to the unit steps.
     iae_worst, ms_worst : float
-        `ms_worst` is the largest Ms on the other plants with which the design is tested. For a digital controller, Ms
-        of the sampled loop is used. `iae_worst` is the IAE with the plant that gives `ms_worst`.
+        A design can also be tested on plants that differ from the model. `ms_worst` is the largest Ms on these plants.
+        For a digital controller, Ms of the sampled loop is used. `iae_worst` is the IAE with the plant that gives
+        `ms_worst`.
     price : float
         IAE, divided by the IAE of a design for which `ms_worst` is not limited.
     ms_sampled : float

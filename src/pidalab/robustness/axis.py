@@ -27,7 +27,8 @@ MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memo
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if cos(angle of L) is above this value at both ends of the step.
 NEAR_POSITIVE_AXIS = 0.5
-ROUNDING = 1e-12  # a smaller modulus of log |L|, relative imaginary part or difference counts as 0
+# log |L|, a relative imaginary part or a relative difference counts as 0 if its modulus is smaller.
+ROUNDING = 1e-12
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
 DETOUR = 1.5  # assumed upper bound of (length of the path of L between two points) / |L2 - L1|
 NO_HIGHER = 1e-11  # a peak is sought only where the bound exceeds (1 + this) * the highest value so far
@@ -40,7 +41,7 @@ SAME_CROSSING = 1e-8
 # The refinement of a peak ends when step / (width of the first bracket) is at most SAME_PEAK. The step of finite
 # differences is DIFFERENCE_STEP times the distance of the middle point to its nearer neighbour.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
-# A long grid step is divided into pieces with this number of points.
+# A long grid step is first divided into pieces, each of which then gets about this number of points.
 PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
@@ -265,11 +266,11 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return the grid after `points` has divided the steps where \\|L\\| >= loud."""
+        """Return the grid, with the steps divided in which \\|L\\| >= loud."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
-        """Return the grid after the function `divided` has divided the selected steps."""
+        """Return the grid, with the selected steps divided."""
         return divided(self.grid, steps, self.delay, turn)
 
     @cached_property

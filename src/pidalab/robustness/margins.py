@@ -20,9 +20,9 @@ from pidalab.robustness.poles import count_unstable, is_stable
 # With dead time, phase crossovers are sought where |L| is above this value, and if necessary at smaller |L| (see
 # `Margins`).
 QUIETEST = 0.1
-# The search for a gain resolves the phase of the dead time at frequencies where |L| is above this value.
+# `gain_for_ms` resolves the phase of the dead time at frequencies where |L| is above this value.
 QUIETEST_GIVEN = 0.1
-FAR_SHARE = 1e-2  # the search for a gain uses the grid up to this value times the highest frequency
+FAR_SHARE = 1e-2  # `gain_for_ms` uses the grid up to this value times the highest frequency
 AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # (frequencies added around a peak) / (frequency of the peak)
 MS_RTOL = 1e-6  # relative tolerance of Ms before the final root search
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
@@ -118,7 +118,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, because it has no dead time and a direct feedthrough of exactly -1.
+        If the loop is ill-posed: its direct feedthrough is exactly -1, and it has no dead time.
 
     Examples
     --------

@@ -18,8 +18,8 @@ from pidalab.robustness.in_z import axis_of
 MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
 CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
-# Poles with a smaller modulus, in 1/dead time, are first computed without dead time, because the rounding errors of the
-# collocation are larger than these poles.
+# If the modulus of a pole times the dead time is below SLOWEST_SURE, rounding errors of the collocation are larger than
+# the pole. Therefore such poles are first computed without dead time.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps of Aberth's method
@@ -206,7 +206,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if only the first `last` poles lie right of a line just left of them (argument principle)."""
+    """Count all poles right of a line just left of the first `last` poles. Return True if there are no others."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
