@@ -7,7 +7,7 @@ to the ledger::
 
     book = Ledger.open("haalman2024")  # in a chapter; an audit adds page="audit/haalman2024"
     book.compare({"ex1.pida": {"ti": C.ti, "td": C.td}})  # returns a table of printed and computed numbers
-    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # decides a statement by the relation in its row
+    book.decide("st.better.load", {"Ms 1.4": (pida, pid)})  # tests a statement by the relation in its row
     book.close()
 
 A run raises an error if
@@ -15,7 +15,7 @@ A run raises an error if
 * a value or the evidence of a statement differs from the stored one;
 * a stored verdict no longer follows from the numbers;
 * numbers agree although they are declared to disagree;
-* an id is unknown, or the page does not pass one of its rows.
+* an id is unknown, or the notebook passes no value for a row that belongs to the notebook.
 
 Verdicts are
 
@@ -23,9 +23,9 @@ Verdicts are
 * ``holds``, ``holds-in-part``, ``fails``, which follow from the inequalities that decide a statement;
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``, which a person declares with the reason in the note.
 
-The basis of a row is the origin of its value: the paper's problem (``computed``), the paper's problem with settings
-that were fitted to printed numbers (``fitted``), other printed results (``from-print``), or only a reading of the paper
-(``reading``).
+The basis of a row says from what its value was computed: only from the problem as the paper states it (``computed``),
+from this problem with settings that were fitted to printed numbers (``fitted``), or from other printed results
+(``from-print``). With ``reading`` nothing is computed.
 
 ``python -m paperledger update haalman2024`` runs the pages of a paper, stores the results and prints the changes.
 ``--help`` lists the other commands.

@@ -139,7 +139,8 @@ class Ledger:
         values : mapping
             Numbers by id, or nested by the parts of their ids, as ``{"ex1.pida": {"ti": 4.1, "td": 1.2}}``.
         digits : int, optional
-            Number of significant digits. If below ten, the note of each row must say why and contain the word *digits*.
+            Number of significant digits. With fewer than ten, the note of each row in `values` must contain the word
+            *digits* and give the reason.
 
         Returns
         -------
@@ -215,8 +216,8 @@ class Ledger:
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
             A pair (left side, right side) for each case, or a single pair. The worst case decides. If the relation
-            contains *some*, the best case decides. An identity takes residuals instead of pairs. ``==`` requires
-            integers.
+            contains *some*, the best case decides. If the relation only states that a residual is rounding error, pass
+            residuals instead of pairs. ``==`` requires integers.
         digits : int, optional
             As in `compare`.
 
@@ -245,7 +246,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # If values are only recorded, as in `shake`, the verdict of a case may differ from its declaration.
+                # If values are only recorded, as by `paperledger.shake`, a case need not hold or fail as declared.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
@@ -465,7 +466,7 @@ class Ledger:
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
     """Record values without comparing them, in all ledgers opened in this context. Yield the list of these ledgers.
 
-    The function `printed` maps a row to the printed value that pages get. By default this is the value in the file.
+    Pages get ``printed(row)`` as the printed value of a row. By default this is the value in the file.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])

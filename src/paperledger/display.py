@@ -119,7 +119,7 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        # After a spanning cell the names are shifted, but no cell there uses its name.
+        # After a cell that spans columns, cells get wrong column names. Only number cells use names, and none follows.
         columns = zip(row, header, strict=False)
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")

@@ -22,7 +22,8 @@ def _title(book: Ledger) -> str:
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
     """Return the scores (total and each paper), and a table of them. A line has a kind, a label and the counts.
 
-    A line with an empty kind is the sum of the lines that follow. The total is the first column, for narrow screens.
+    A line with an empty kind is the sum of the lines below it, up to the next such line. The total is the first column,
+    for narrow screens.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}
@@ -74,7 +75,7 @@ def scoreboard(folder: Path | str | None = None) -> Display:
 
 
 def every_row(folder: Path | str | None = None) -> Display:
-    """Show every row of every ledger with an anchor, folded by paper, with links to chapter and audit.
+    """Show all rows, in a section for each paper with links to its chapter and audit. Each row has an anchor.
 
     Parameters
     ----------

@@ -18,9 +18,9 @@ from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerErro
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the reviewed list of claims
 REMOVED = "removed.csv"  # ids that must not be used again, with reasons
-# An identity states that a residual is only rounding. Its tolerance is at most
-IDENTITY = 1e-9  # if its row has no note
-ROUGHEST = 1e-6  # if its row has a note
+# Largest tolerances of an identity, that is, of a statement that a residual is only rounding error:
+IDENTITY = 1e-9  # without a note
+ROUGHEST = 1e-6  # with a note
 WORDS = 5  # least number of words in a note that justifies a verdict
 _ID = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)+")
 _MADE = re.compile(
@@ -38,7 +38,7 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``: whether settings were fitted, and why the value need not change in `shake`.
+    """Read the column ``made``. Return True if settings were fitted, and why the value may stay if the library changes.
 
     The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or
     a point of a grid), or empty.

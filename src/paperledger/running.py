@@ -35,8 +35,8 @@ def cells(path: Path) -> list[str]:
 def execute(path: Path) -> Iterator[str]:
     """Run the code cells of a notebook in its folder. Yield the output and the result of each cell.
 
-    The cells run in this process and not in a kernel. So ledgers can be collected, errors keep their types, `shake` can
-    change the library, and Jupyter is not needed.
+    The cells run in this process and not in a kernel. So errors keep their types, `recording` and `shake` can change
+    how ledger and library work, and Jupyter is not needed.
     """
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
@@ -145,7 +145,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
 
 
 def _updated(row: Row, fresh: Row) -> Row:
-    """Return a row with the results of a new row and the verdict that follows."""
+    """Return the row with the results of `fresh`, and derive its verdict unless a person declared one."""
     with naming(row.id):
         new = replace(row, page=fresh.page) if row.same(fresh) else fresh
         return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")

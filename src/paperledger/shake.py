@@ -17,9 +17,9 @@ change is deterministic. It varies with x, so that the quotient of two results c
 infinities do not change.
 
 Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So a number
-computed from printed numbers changes much less than a number computed with the library. Pages with numbers of the basis
-*computed* also run with an exact library and changed printed numbers. In this run their computed numbers must not
-change.
+computed from printed numbers changes much less than a number computed with the library. A page with rows of the basis
+*computed* runs a second time, with an exact library and changed printed numbers. In this run the values of these rows
+must stay the same.
 """
 
 import os
@@ -73,9 +73,9 @@ class Shaker:
     fields : frozenset of str, optional
         Names of fields that do not change when their object is changed, such as times.
     whole : dict of str to function, optional
-        Functions, by name of a class. Each changes an object of this class as a whole. It is called with the object and
-        a function ``off(number, name)``, which returns the changed number. By default each field of an object is
-        changed separately.
+        The keys are names of classes. The function changes an object of the class as a whole. It is called with the
+        object and a function ``off(number, name)``, which returns the changed number. By default each field of an
+        object is changed separately.
     only_prints : bool, optional
         True to change only the printed numbers that pages read, and to keep the library exact.
 
@@ -349,7 +349,7 @@ def _apart(old: str, new: str) -> float:
 
 
 def _rounded(old: Row, new: Row) -> bool:
-    """Return True if a number changed and ends in zeros before and after the change, so the page rounds it."""
+    """Return True if a number seems to be rounded by the page: it changed, but ends in zeros before and after."""
     return any(
         _apart(a, b) > PRINTED and a.endswith("000") and b.endswith("000") and "." in a
         for a, b in zip(_numbers(old), _numbers(new), strict=False)
@@ -502,7 +502,7 @@ def shake(
     Parameters
     ----------
     shaker : Shaker
-        The package stays wrapped in this process.
+        The package to change. Its functions stay wrapped until the process ends.
     folder : path, optional
         Folder of the csv files. By default as in `Ledger.open`.
     keys : sequence of str

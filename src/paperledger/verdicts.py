@@ -22,7 +22,7 @@ Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a fraction of the printed number
-LONGEST, LARGEST_EXPONENT = 350, 330  # of a number: largest number of characters, largest power of ten
+LONGEST, LARGEST_EXPONENT = 350, 330  # largest length and power of ten of a number in a file
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # verdicts that a person declares
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
 # If a person declares that two numbers disagree, the verdict derived from the numbers must not be one of these.
@@ -86,8 +86,8 @@ def agrees(fresh: str, stored: str) -> bool:
     """Return True if a new number equals a stored one within a unit of the last stored place, or a relative 1e-9.
 
     A stored number with fewer decimals than the new one could hide a change, so it never agrees, with two exceptions.
-    One decimal less is allowed, since with ten digits 10.0... has one decimal less than 9.99.... Ten stored decimals
-    always suffice, since further decimals of a computed zero are rounding noise.
+    One decimal less is allowed, since with ten digits a number above 10 has one decimal less than a number below 10.
+    Ten stored decimals always suffice, since further decimals of a computed zero are rounding noise.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -225,7 +225,7 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
 
 # --- statements -----------------------------------------------------------------------------------------------------
 
-ROUNDING = "rounding"  # convention of an identity: its residual is only rounding
+ROUNDING = "rounding"  # convention of an *identity*, which states that a residual is only rounding error
 SIGNS = {  # comparison, and the signs to display if it holds and if it fails
     "<": (operator.lt, "<", "≮"),
     "<=": (operator.le, "≤", "≰"),
