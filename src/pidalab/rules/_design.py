@@ -119,8 +119,8 @@ class Design:
     def discretise(self, sample_time: float, method: str = "backward", **options: Any) -> DigitalController:
         """Return the digital controller for a sample time, including output filter and prefilter.
 
-        If the output filter describes a sensor (as in `pidalab.tune`), use ``design.controller.discretise`` to leave
-        the filter out.
+        If the output filter is a model of the sensor (as in `pidalab.tune`), the digital controller must not contain
+        it. Then use ``design.controller.discretise``.
 
         Parameters
         ----------

@@ -19,7 +19,7 @@ from pidalab.rules._design import Design
 OSCILLATING = 0.05
 # A zero 1 + T s is paired with a shorter lag only if T / lag is below CLOSE_LAG.
 CLOSE_LAG = 1.6 * (1 - 1e-9)
-# The reduction is repeated at most this often, until the relative change of the effective dead time is this small.
+# The reduction ends when the relative change of the effective dead time is below SAME_DELAY, or after MOST_REDUCTIONS.
 MOST_REDUCTIONS, SAME_DELAY = 40, 1e-12
 
 
@@ -176,13 +176,12 @@ class Reduced(NamedTuple):
 def _half_rule(model: Process, keep: int) -> Reduced:
     """Reduce a model to `keep` lags and integrators, and an effective dead time.
 
-    Notes
-    -----
-    The rule for a zero in the left half-plane and the effective dead time depend on each other. Therefore the reduction
-    is repeated until the dead time no longer changes. The result may depend on the initial value, which the paper does
-    not give. We start from `dead`, the dead time plus the time constants of zeros in the right half-plane. If `dead` is
-    0, we start from the effective dead time of the lags alone. These values reproduce the examples of the paper. If the
-    iteration becomes periodic, the reduction with the longest dead time is returned, which is cautious.
+    Notes ----- The effective dead time determines the rule for a zero in the left half-plane, and the rule changes the
+    dead time. Therefore the reduction is repeated until the dead time no longer changes. The result may depend on the
+    initial value, which the paper does not give. We start from `dead`, the dead time plus the time constants of zeros
+    in the right half-plane. If `dead` is 0, we start from the effective dead time of the lags alone. These values
+    reproduce the examples of the paper. If the iteration becomes periodic, the reduction with the longest dead time is
+    returned, which is cautious.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -211,7 +210,7 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 def _without_leads(
     gain: float, lags: list[float], leads: list[float], integrators: int, delay: float
 ) -> tuple[float, list[float], int]:
-    """Replace each zero in the left half-plane and a lag of similar size by a gain. Rule T3 adds a shorter lag.
+    """Replace each zero in the left half-plane and a lag of similar size by a gain. Rule T3 keeps a part of the lag.
 
     Rules T1 to T3 are in section 2.2 of Skogestad (2003).
     """
@@ -237,11 +236,11 @@ def _without_leads(
 
 
 def _halved(gain: float, lags: list[float], integrators: int, dead: float, keep: int) -> Reduced:
-    """Add half of the largest neglected lag to the smallest kept lag, and the other neglected time to `dead`."""
+    """Add half of the largest neglected lag to the smallest kept lag, and the rest of the neglected lags to `dead`."""
     split = max(keep - integrators, 0)
     kept, neglected = lags[:split], lags[split:]
     if neglected:
-        if kept:  # if `kept` is empty, the smallest kept lag is an integrator, which does not change
+        if kept:  # otherwise only integrators are kept, which do not change
             kept[-1] += neglected[0] / 2
         dead += sum(neglected) - neglected[0] / 2
     return Reduced(gain, tuple(kept), dead, integrators)

@@ -194,9 +194,9 @@ def tune(
     -------
     Design
         Controller (Fig. 1, eqs. (3), (4), (7) and (9)) and prefilter (eq. (20)). `pidalab.simulate_sampled` and
-        `pidalab.portrait` apply the limits. Linear functions, such as `pidalab.margins`, ignore them. The filter is
-        part of the controller and therefore also filters the set point. The paper does not say whether the set point
-        should be filtered. `info` has
+        `pidalab.portrait` apply the limits. Functions for linear loops, such as `pidalab.margins`, ignore the limits.
+        The filter is part of the controller and therefore also filters the set point. The paper does not say whether
+        the set point should be filtered. `info` has
 
         - ``setting``, ``n``, ``filter_time``: the arguments,
         - ``te``: the dead time that represents the filter, or 0 if the model includes the filter,

@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# Settings of PI, then of PID: kp K L/T, ti/L (load steps) or ti/T (set-point steps), td/L.
+# Settings of PI, then of PID. The numbers are kp K L/T, then ti/L (load steps) or ti/T (set-point steps), then td/L.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),

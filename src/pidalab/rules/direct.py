@@ -43,8 +43,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     up to 3.4. Check `pidalab.margins` if you use slower filters.
 
     These numbers apply if the process equals the model. In the three examples of heo2023 the process differs from the
-    model. There the ITAE of `setpoint` is 138 %, 110 % and 74 % of the ITAE with Table 1. It is 1.8 to 4.5 times the
-    least ITAE for the process.
+    model. There the ITAE of `setpoint` is 138 %, 110 % and 74 % of the ITAE with Table 1. The ITAE of `setpoint` is 1.8
+    to 4.5 times the least ITAE for the process.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
     on average, but Ms is up to 7.3.
 
     With `itae.pida_load` (heo2023, Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models
-    `itae.pida_load` gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples this
-    rule gives an ITAE that is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
+    `itae.pida_load` gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples the ITAE
+    of `itae.pida_load` is 14 % to 24 % smaller, but Ms is 3.0 to 4.8 instead of 1.9.
 
     Parameters
     ----------

@@ -264,7 +264,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
 
 def _trusted(model: Process | ThreePointModel) -> Process:
-    """Return the process of a three-point model that matches its record, or raise. Return other models unchanged."""
+    """Return the process of a three-point model. Raise if its record does not match. Return other models unchanged."""
     if isinstance(model, Process) or not hasattr(model, "excess_gain"):
         return model  # type: ignore[return-value]
     from pidalab.identification.experiments import MOST_EXCESS_GAIN

@@ -38,7 +38,7 @@ from pidalab.rules.models import SecondOrder, lag_with_delay, second_order
 
 
 class Factors(NamedTuple):
-    """Hold the factors f_d and f_a = tau_a / tau_d. The acceleration compensates the share f_d of the dead time."""
+    """Factors f_a = tau_a / tau_d and f_d, the fraction of the dead time that the acceleration compensates."""
 
     f_d: float
     f_a: float

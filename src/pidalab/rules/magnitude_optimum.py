@@ -250,11 +250,9 @@ def tune_for_noise(
         As for `tune` and `filter_time`, and if the filter time does not converge. For n = m this happens if no filter
         gives so small a noise gain.
 
-    Notes
-    -----
-    With ``first=0.1`` and ``updates=4``, as in Fig. 5, the filter times and gains agree with the paper within a unit of
-    the last digit: 69 of 70 in Tables 3 to 5, and all 18 in Table 6. With the default number of updates they differ by
-    up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
+    Notes ----- With ``first=0.1`` and ``updates=4``, as in Fig. 5, 69 of the 70 filter times and gains in Tables 3 to
+    5, and all 18 in Table 6, agree with the paper within a unit of the last digit. With the default number of updates
+    they differ by up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
 
     Examples
     --------
@@ -314,8 +312,8 @@ def tune_for_filter_noise(
     Raises
     ------
     TypeError, ValueError
-        As for `tune`, and if no filter time gives this noise gain. The search changes the default initial value of
-        `tune_for_noise` by at most a factor of e^10.
+        As for `tune`, and if no filter time gives this noise gain. The search covers a factor of e^10 above and below
+        the default initial value of `tune_for_noise`.
 
     Examples
     --------

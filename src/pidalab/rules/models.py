@@ -1,4 +1,4 @@
-"""Models from which rules start: checks of their structure, and models derived from a process."""
+"""Check the structure of models for which rules are made, and derive such models from a process."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class StartingModels:
 
     @cached_property
     def reaction(self) -> Process:
-        """Lag with dead time, from the steepest tangent of the step response and the time at 63 %, or an integrator."""
+        """Lag with dead time, from the steepest tangent of the step response and the time at 63 %, or `integrator`."""
         if not self._settles():
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:
@@ -112,7 +112,7 @@ class StartingModels:
         if not self._settles():
             raise ValueError("process must be stable: three_point needs a step response that settles")
         with warnings.catch_warnings():
-            # Ignore the warning about models that do not match: comparisons simulate the loop with the process itself.
+            # Ignore the warning that a model does not match its record. Comparisons simulate the process itself.
             warnings.simplefilter("ignore", RecordWarning)
             return three_point(*self._response(self.process)).process
 

@@ -115,9 +115,8 @@ def _coefficient(m: int, j: int) -> float:
 def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
-    The filter and the dead time T_e are equivalent if a loop with a pure integrator has the same dominant pole with
-    the filter as with T_e. For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of
-    the filter, -1/T_f.
+    The filter and the dead time T_e are equivalent if both give a loop with a pure integrator the same dominant pole.
+    For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of the filter, -1/T_f.
 
     Parameters
     ----------

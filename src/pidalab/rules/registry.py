@@ -37,7 +37,7 @@ from pidalab.rules._design import Design
 DEFAULT = Requirements()
 ORDER = {kind: order for order, kind in enumerate(KINDS)}
 TESTS = ("load", "setpoint")  # steps for which a rule is made
-# If a rule does not choose the filter, its delay is at least FILTER_SHARE * dead time of the model.
+# If a rule does not choose the filter, the delay of the filter is at least FILTER_SHARE * dead time of the model.
 FILTER_SHARE = 0.25
 RESET_FILTER = 3  # order of the filter of controllers with automatic reset
 IMC = "heo2023, rows IMC"
