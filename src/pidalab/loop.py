@@ -312,8 +312,8 @@ class Loop:
         p, q = fraction_at(*self.blocks["process"], s, self.process.delay)
         controller, output_filter = (fraction_at(*self.blocks[name], s) for name in BLOCKS[1:3])
         c, d = (first * second for first, second in zip(controller, output_filter, strict=True))
-        # Use the same denominator for y and u. Otherwise a pole of a block, such as 0 with integral action, would give
-        # 0 times infinity.
+        # Use the same denominator for y and u. Otherwise the result at a pole of a block, such as s = 0 with integral
+        # action, would be 0 times infinity.
         if source == "d":
             y, u = quotient(p * d, back + forward), quotient(-forward, back + forward)
         else:

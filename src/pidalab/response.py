@@ -353,7 +353,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # `_top` uses the exact area, so it misses less than the samples do: here a quarter is assumed.
+            # `_top` uses the exact area. It is assumed to miss a quarter of what the samples miss.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
@@ -602,7 +602,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must contain the last tenth: error {tail:.3g}, limit {limit:.3g}; simulate longer or widen it"
+                f"band must contain the last errors, up to {tail:.3g}, found {limit:.3g}; simulate longer or widen band"
             )
 
         def entry(record: Response) -> float:
@@ -632,9 +632,10 @@ def _missed_top(size: Array, path: Array) -> float:
 def _missed(path: Array) -> Array:
     """Estimate how much a signal between samples exceeds each local extreme of the samples. Return 0 at other samples.
 
-    Let c be the larger change between the extreme and the sample before or after it. The signal exceeds the extreme by
-    at most c: by c/8 if it is smooth, and by c/2 on average if it has a corner. The function returns c/4. A change that
-    is more than three times the neighbouring change may be a jump, so it counts as three times the neighbouring change.
+    Let c be the larger of the two changes from the extreme to its neighbouring samples. The signal exceeds the extreme
+    by at most c: by c/8 if it is smooth, and by c/2 on average if it has a corner. The function returns c/4. A change
+    that is more than three times the neighbouring change may be a jump, so it counts as three times the neighbouring
+    change.
     """
     rises = np.diff(path)
     steps = np.pad(np.abs(rises), 2)  # gives each sample two steps before and two steps after it

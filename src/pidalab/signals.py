@@ -132,7 +132,8 @@ class Signals:
         doubt = math.inf if thinned is None else abs(measure(thinned) - value) / size()
         if self._finer is None:
             if thinned is not None:
-                # Two grids can share the sample of an extreme, so compare the integral of e^2 as well.
+                # Both grids may contain the sample of an extreme and thus agree, so compare the integral of e^2 as
+                # well.
                 square, other = self._integral_of_square(), thinned._integral_of_square()
                 doubt = max(doubt, abs(other - square) / max(square, 1e-300))
                 if doubt > 3 * DOUBT_SHARE:

@@ -134,11 +134,11 @@ def from_record(
 
     The last section of the record counts as a steady state if no transient is found in it. The section is divided into
     sixteen pieces, and the means of the pieces are compared with five decaying exponentials, whose time constants are
-    1/32 to 1/2 of the section. A transient is found if the component of an exponential exceeds 2.5 standard deviations.
-    A decaying oscillation appears in the means of the squares, where the limit is 5 standard deviations. Noise hides
-    the end of the transient, and without this end all areas would be too small. Therefore the time from the first move
-    of the input to the steady state is made a tenth longer. The integrals end where the steady state begins. The final
-    levels are means of the steady state.
+    1/32 to 1/2 of the section. A transient is found if the component of an exponential in the means exceeds 2.5 times
+    the standard deviation that noise gives this component. A decaying oscillation appears in the means of the squared
+    deviations, where the limit is 5 standard deviations. Noise hides the end of the transient, and without this end all
+    areas would be too small. Therefore the time from the first move of the input to the steady state is made a tenth
+    longer. The integrals end where the steady state begins. The final levels are means of the steady state.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
     :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The steady state is divided into quarters.
@@ -247,7 +247,7 @@ def _noise(x: Array, h: float) -> tuple[float, float]:
 def _steady(x: Array) -> bool:
     """Return True if noise explains all transients in a section of the record.
 
-    A decaying oscillation, or a transient whose mean happens to be 0, appears only in the squares.
+    A decaying oscillation, or a transient with the mean 0, appears only in the squared deviations.
     """
     # The mean of each piece has a rounding error, and `_transients` adds these errors.
     rounding, room = 4 * ROUNDING * float(np.max(np.abs(x))), math.sqrt(PIECES)
@@ -258,7 +258,7 @@ def _steady(x: Array) -> bool:
 
 
 def _transients(x: Array) -> tuple[Array, float]:
-    """Return the component of each decaying exponential in the means of the pieces, and its standard deviation."""
+    """Return the components of decaying exponentials in the means of the pieces, and their standard deviation."""
     means, spread = _pieces(x)
     shapes = np.exp(-np.arange(PIECES) / np.array(LAGS)[:, None])
     shapes -= np.mean(shapes, axis=1, keepdims=True)
@@ -287,7 +287,7 @@ def _moment_covariance(
 ) -> Array:
     """Estimate the covariance of the moments of y from the steady state at the end.
 
-    An error of the moments of u is converted to the error of the moments of y that has the same effect on the areas.
+    Errors in the moments of u are replaced by errors in the moments of y with the same effect on the areas.
     """
     (density, drift), window, size = _noise(y, h), h * (y.size - 1), len(values)
     level = weights[:size, -1]

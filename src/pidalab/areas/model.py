@@ -5,7 +5,7 @@ They are also the moments of the impulse response h(t), eqs. (4) and (5):
 
 .. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
 
-The areas of blocks in series are the convolution of their areas. In the text as we read it, eq. (7) has :math:`A_1`
+The areas of blocks in series are the convolution of their areas. In our copy of the paper, eq. (7) has :math:`A_1`
 where the recursion needs :math:`A_i`.
 """
 

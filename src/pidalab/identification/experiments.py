@@ -22,7 +22,7 @@ OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an o
 MOST_ENDS = 400  # `ipdt_least_squares` tries at most this number of end times t_1
 # A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
-NOISY = 0.01  # a larger noise / (whole change) causes a warning, since single samples then mislead
+NOISY = 0.01  # noise above this share of the whole change causes a warning, since single samples then mislead
 # If `excess_gain` is above this, a tuned loop has a clearly larger Ms with the process than with the model.
 MOST_EXCESS_GAIN = 0.25
 
@@ -155,9 +155,9 @@ def three_point(
     excess = _excess_gain(t, y / step, model.process, highest)
     if excess > MOST_EXCESS_GAIN:
         warn(
-            f"the gain of the record exceeds that of the model by up to {100 * excess:.0f} % below the frequency "
-            f"{highest:.4g}; up to {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with this model may be "
-            "unstable; use identification.fit",
+            f"at frequencies up to {highest:.4g}, the gain of the record exceeds that of the model by up to "
+            f"{100 * excess:.0f} %; up to {100 * MOST_EXCESS_GAIN:g} % is harmless. A loop tuned with this model may "
+            "be unstable; use identification.fit",
             RecordWarning,
             stacklevel=2,
         )
@@ -193,9 +193,9 @@ def ipdt_tangent(
         Change of the input, not 0. By default 1.
     span : float, optional
         Length of the segment in time, rounded to whole steps of t. By default a third of the rise time for a Record
-        with noise, and otherwise one step of t. With one step, the relative errors of slope and dead time are of the
-        order of the squared step. If the record is steepest at a corner, they are of the order of the step. If arrays
-        contain noise, give a longer `span`, over which a line is fitted by least squares.
+        with noise, and otherwise one step of t. If the segment is one sample interval h, the relative errors of slope
+        and dead time are of the order of h^2. If the record is steepest at a corner, they are of the order of h. If
+        arrays contain noise, give a longer `span`, over which a line is fitted by least squares.
 
     Returns
     -------
