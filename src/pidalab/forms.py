@@ -38,7 +38,7 @@ class SeriesForm(NamedTuple):
 
 
 class FilteredGains(NamedTuple):
-    r"""Part of a controller: gains on integral, error and derivatives, filtered by equal lags.
+    r"""Part of a controller: a weighted sum of the error, its integral and its derivatives, filtered by equal lags.
 
     A controller is the sum of its parts.
 

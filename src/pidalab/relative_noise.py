@@ -89,7 +89,7 @@ def _without_ultimate_period(process: Process) -> NoiseScale:
     time = float(np.sum(1 / poles[poles > 0])) + process.delay
     if not time:
         raise ValueError(
-            f"process must have a time constant or a dead time, found {process!r}; give sample_time"
+            f"process must have a time constant or a dead time, found {process!r}; otherwise give a sample time"
         )
     static = float(process.num[-1] / process.den[-1 - integrators])
     return NoiseScale(time / SAMPLES, 1 / (abs(static) * time**integrators))

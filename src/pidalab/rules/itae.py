@@ -90,8 +90,8 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
                       \left(1.45 + 0.969\,r^{-1.171}\right)
 
     Three things are corrected (see the top of this module): the conditions of the gain formula, the sign in both
-    exponentials, and the left side of the last formula. As we read it, the constant 2.2122 has one digit more than the
-    others. No printed tuning distinguishes it from 2.212.
+    exponentials, and the left side of the last formula. In our copy of the paper, the constant 2.2122 has one digit
+    more than the others. No printed tuning distinguishes it from 2.212.
 
     Parameters
     ----------
