@@ -151,10 +151,10 @@ class Benchmark:
     name : str
         Name of the rule.
     rows : pandas.DataFrame
-        A row for each plant and each of three ``terms``: ``own`` (the rule as published), ``loud`` and ``quiet``
-        (scaled to equal Ms and to a noise limit). Measures are in units of the plant's ultimate gain and period.
-        ``of_kind`` is IAE / (least IAE of the kind of controller), and ``of_best`` is IAE / (least IAE of all kinds).
-        ``reason`` says why the rule refused.
+        A row for each plant and each value of the column ``terms``: ``own`` (the rule as published), ``loud`` and
+        ``quiet`` (the design scaled to equal Ms and to a noise limit). Measures are in units of the plant's ultimate
+        gain and period. ``of_kind`` is IAE / (least IAE of the kind of controller), and ``of_best`` is IAE / (least IAE
+        of all kinds). ``reason`` says why the rule refused.
     """
 
     name: str
@@ -172,8 +172,8 @@ class Benchmark:
         -------
         pandas.DataFrame
             A row for each rule and kind of controller. "of its kind" is the median of IAE / (least IAE of the kind).
-            "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that IAE / (least IAE
-            of all kinds) exceeds on a tenth of the plants.
+            "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that this ratio exceeds
+            on a tenth of the plants.
 
         Raises
         ------
@@ -340,7 +340,7 @@ class Benchmark:
 
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns ``of_kind`` and ``of_best`` of `Benchmark` to rows at equal terms."""
+    """Add the columns ``of_kind`` and ``of_best`` (see `Benchmark`) to rows of scaled designs."""
     optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(

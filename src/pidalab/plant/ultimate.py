@@ -28,9 +28,9 @@ RULES = {
 }
 SHARES = (0.2, 1.0)  # ratios of dead time to lag of the first-order models
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
-# Largest relative deviation of a period, and also the largest share of samples between the levels of u.
+# Largest relative deviation of a period. Also the largest share of samples in which u is between its two levels.
 SETTLED = 0.05
-OFF_PHASE = 10.0  # a doubt is given if the phase differs from -180 by more degrees than this
+OFF_PHASE = 10.0  # in degrees; a doubt is given if the phase is farther from -180 than this
 
 
 class Oscillation(NamedTuple):
@@ -151,7 +151,7 @@ def models_of(ku: float, tu: float) -> dict[str, Process]:
 
 
 def rule_table(ku: float, tu: float) -> list[tuple[str, str, PIDA, list[float]]]:
-    """Return rows of rule, kind, controller, and Ms with each model of `models_of` (infinite if unstable).
+    """Return rows: rule, kind, controller, and a list of Ms for the models of `models_of` (infinite if unstable).
 
     Examples
     --------

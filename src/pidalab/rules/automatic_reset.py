@@ -71,7 +71,7 @@ class Setting(NamedTuple):
 
 
 def multiple_pole(m: int) -> Setting:
-    """Return the setting of PI, PID or PIDA with which the loop without filter has m + 3 equal poles, eqs. (14)-(19).
+    """Return the setting of PI, PID or PIDA that gives the unfiltered loop m + 3 equal poles, eqs. (14)-(19).
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def test_page_has_no_foreign_tag(report, title, line):
 
 def test_head_is_reproducible():
     assert K.c() == K.c()
-    assert "in the time unit of the parameters" in K.c()
+    assert "in the same time unit as the parameters" in K.c()
     assert "Sample time: 0.5 min\n" in K.c(time_unit="min")
     assert "Record: Ofen 3.csv\n" in K.c(record="Ofen/3.csv")
     assert "and 60 more lines" in K.c(note="x\n" * 100)

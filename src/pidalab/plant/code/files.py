@@ -123,7 +123,7 @@ def head(
     for name, text in {"note": note, "time_unit": time_unit, "record": record, "date": date}.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, found {type(text).__name__}")
-    unit = f" {plain_text(time_unit, 20)}" if time_unit else ", in the time unit of the parameters"
+    unit = f" {plain_text(time_unit, 20)}" if time_unit else ", in the same time unit as the parameters"
     recorded = f", recorded {comment_text(date, 40)}" if date else ""
     low, high, rate = (f"{x!r}" if math.isfinite(x) else "none" for x in (*k.limits, k.rate_limit))
     lines = [
