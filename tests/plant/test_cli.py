@@ -129,7 +129,7 @@ def test_head_of_code_has_unit_and_date_of_the_record(tmp_path, stamps, unit, da
     assert (step.time_unit, step.date) == (unit, date)
     printed = succeed("tune", tmp_path / "step.csv", *QUICK[:-1], step.sampling, "--out", tmp_path)
     head = read(tmp_path / "controller.c")[:2000]
-    assert f"Sample time: {step.sampling!r}{f' {unit}' if unit else ', in the time unit of the'}" in head
+    assert f"Sample time: {step.sampling!r}{f' {unit}' if unit else ', in the same time unit as the'}" in head
     assert ("recorded 2026-03-05" in head) is bool(date)
     assert ("if the record's unit of time is the second" in printed) is not bool(unit)
 
