@@ -105,11 +105,11 @@ MESSAGES = {
         (lambda: digital_pi(math.inf), r"z must be finite, found \(inf"),
     ],
     "process": [
-        (partial(Process, [1.0, 0.0], [1.0]), "the process must be proper, found degrees 1 of num"),
+        (partial(Process, [1.0, 0.0], [1.0]), "the process must be proper, found degrees 1 of num and 0"),
         (partial(Process, [1.0], [0.0, 0.0]), "den must not be the zero polynomial"),
         (partial(Process.from_control, control.tf([1.0], [1.0, 0.5], 0.1)), r"sys .* found sample time 0\.1"),
         (partial(Process.from_control, control.ss([], [], [], [[2.0]])), "sys must be a transfer function"),
-        (partial(Process.from_control, control.tf([1.0, 0.0], [1.0])), "sys must be proper, found degrees 1 of num"),
+        (partial(Process.from_control, control.tf([1.0, 0.0], [1.0])), "sys must be proper, found .* 1 of num and 0"),
         (partial(Process.from_control, "1/s"), "sys must be a number, a controller or a transfer function,"),
         (partial(fopdt, 1.0, 0.0, 1.0), "lag must be above 0, found 0"),
         (partial(require_no_zero_at_origin, "model", ZERO), "model must have a static gain other than 0, or an int"),

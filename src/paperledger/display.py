@@ -119,7 +119,8 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        # After a cell that spans columns, cells get wrong column names. Only number cells use names, and none follows.
+        # After a cell that spans columns, cells get wrong column names. This does no harm: only number cells use names,
+        # and no number follows such a cell.
         columns = zip(row, header, strict=False)
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")

@@ -602,7 +602,7 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must contain the last errors, up to {tail:.3g}, found {limit:.3g}; simulate longer or widen band"
+                f"band must contain the last tenth's error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
             )
 
         def entry(record: Response) -> float:

@@ -19,7 +19,7 @@ REASON = "a reason of five words"
         (KP, {"printed": "12 %"}, "'12 %' is not a plain number"),
         (KP, {"computed": "holds"}, "'holds' is not a plain number"),
         (KP, {"verdict": "good"}, "has the verdict good, but .* gives reproduced"),
-        (KP, {"verdict": "approximate"}, "approximate, but .* gives reproduced"),  # without a tolerance
+        (KP, {"verdict": "approximate"}, "verdict approximate, but .* gives reproduced"),  # no tolerance
         (KP, {"note": "tolerance 6 %"}, "the tolerance .* is wider than 5 % of 1.31"),
         (KP, {"note": "tolerance 1 %"}, "has the verdict reproduced, but .* gives approximate"),
         (KP, {"verdict": "misprint", "computed": "1.900000000"}, "misprint needs a note"),
@@ -27,9 +27,9 @@ REASON = "a reason of five words"
         (KP, {"basis": "guess"}, "unknown basis 'guess'; one of computed, fitted, from-print, reading"),
         (KP, {"basis": "fitted"}, "if the basis is fitted"),
         (KP, {"made": "fit: 1 setting from 4 numbers: T_F, from Table 1"}, "if the basis is fitted"),
-        (KP, {"made": "by hand"}, "found 'by hand'"),
-        (KP, {"made": "fit: 0 settings from 4 numbers: T_F"}, "found 'fit: 0"),
-        (KP, {"made": "fit: T_F"}, "found 'fit: T_F'"),
+        (KP, {"made": "by hand"}, "'made' must be .* found 'by hand'"),
+        (KP, {"made": "fit: 0 settings from 4 numbers: T_F"}, "'made' must be .* found 'fit: 0"),
+        (KP, {"made": "fit: T_F"}, "'made' must be .* found 'fit: T_F'"),
         (KP, {"basis": "reading"}, "the basis is reading, but 'computed' is not empty"),
         (
             KP,
