@@ -17,7 +17,7 @@ DOUBTS = {
     "few before": "only {count} sample(s) before the input changes: the state of rest is uncertain",
     "drifting": "the output drifts by {drift:.3g} before the step: it was not at rest",
     "levels": "the output has only {count} levels, {apart:.3g} apart",
-    "gaps": "the record has {count} gap(s); the longest lasts {longest:.3g} and begins at {start:.4g}",
+    "gaps": "the record has {count} gap(s); the longest begins at time {start:.4g} and lasts {longest:.3g} time units",
     "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the step is placed in "
     "the middle; a fit uses the recorded input",
     "at an end": "the input stays at {end:.6g}, its {word} value, for {count} samples: if that is a limit of the "

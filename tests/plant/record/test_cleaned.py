@@ -164,7 +164,7 @@ def test_doubts_of_levels_and_gaps():
     y = np.where(t < 12.5, 0.0, 4.0)
     assert Record(t, u, y).doubts == (
         "the output has only 2 levels, 4 apart",
-        "the record has 2 gap(s); the longest lasts 4 and begins at 30",
+        "the record has 2 gap(s); the longest begins at time 30 and lasts 4 time units",
     )
 
 
