@@ -63,7 +63,7 @@ def choice(name: str, value: Any, allowed: Iterable[str | None]) -> None:
 
 
 def carrier(value: Any, kind: type) -> str:
-    """Return a hint such as ``; pass its .process`` if `value` has this attribute of type `kind`. Else return ""."""
+    """Return a hint such as ``; pass its .process`` if an attribute of `value` has the type `kind`. Else return ""."""
     for name in ("process", "model", "controller"):
         if isinstance(getattr(value, name, None), kind):
             return f"; pass its .{name}"
@@ -71,7 +71,7 @@ def carrier(value: Any, kind: type) -> str:
 
 
 def _require_plain(name: str, value: Any, what: str) -> None:
-    """Raise if conversion would lose the unit of time or the mask of an array."""
+    """Raise if `value` is an array with a unit of time, or with masked values, which a conversion would lose."""
     kind = getattr(value, "dtype", None)
     if isinstance(kind, np.dtype) and kind.kind in "mM":
         raise TypeError(
@@ -82,7 +82,7 @@ def _require_plain(name: str, value: Any, what: str) -> None:
 
 
 def _copied(name: str, value: ArrayLike, kind: type, others: str, what: str) -> Any:
-    """Return a copy as an array of any shape. Raise if the kind of data (`dtype.kind`) is in `others`."""
+    """Return a copy of `value` as an array of type `kind`. Raise if its `dtype.kind` is one of the letters `others`."""
     if type(value) is np.ndarray and value.dtype == kind:
         return value.copy()
     _require_plain(name, value, what)
@@ -119,7 +119,7 @@ def _finite(name: str, values: Array) -> Array:
 
 
 def all_finite(values: Array) -> bool:
-    """Return True if all numbers are finite. The sum is tested first, since a sum needs no temporary array."""
+    """Return True if all numbers are finite. If the sum is finite, this is known without a temporary array."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(np.add.reduce(values, axis=None)) or np.isfinite(values).all())
 
@@ -139,7 +139,7 @@ def vector(name: str, value: ArrayLike, *, minimum_length: int = 1) -> Array:
 
 
 def _one_dimensional(name: str, values: Array, minimum_length: int = 1) -> Array:
-    """Return a finite one-dimensional array unchanged."""
+    """Return `values` unchanged, or raise if they are not one-dimensional, not finite, or too few."""
     if values.ndim != 1 or values.size < minimum_length:
         raise ValueError(
             f"{name} must be one-dimensional with at least {minimum_length} value(s), found shape {values.shape}"
@@ -180,7 +180,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
         block = t[start : start + BLOCK]
         grid = step * (start + INDICES[: block.size])
         off = np.abs(block - grid)
-        # Errors of times in single precision grow with time, so the second tolerance grows, too.
+        # Rounding errors of times in single precision grow with time. So the tolerance of the second test grows, too.
         if off.max() > 1e-6 * step:
             far = np.flatnonzero(off > 1e-6 * (step + grid))
             if far.size:
@@ -193,7 +193,7 @@ def uniform_time(name: str, value: ArrayLike) -> Array:
 
 
 def signal(name: str, value: ArrayLike, size: int) -> Array:
-    """Return a held signal of `size` samples. For a number, store its value only once."""
+    """Return a held signal of `size` samples. If `value` is a number, the array stores it only once."""
     array = np.zeros(()) if isinstance(value, (int, float)) else _real_array(name, value)
     if array.ndim == 0:
         return np.broadcast_to(real(name, value), size)
@@ -203,7 +203,7 @@ def signal(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def is_constant(signal: Array) -> bool:
-    """Return True if a held signal is constant. A signal made from a number needs no comparison."""
+    """Return True if a held signal is constant. An array with stride 0 stores one number and needs no comparison."""
     return signal.strides == (0,) or bool((signal[1:] == signal[:-1]).all())
 
 
@@ -214,7 +214,7 @@ def signals(t: ArrayLike, **given: ArrayLike) -> tuple[Array, ...]:
 
 
 def squarable(name: str, array: Array) -> None:
-    """Raise if squares of the values overflow. NaN is ignored."""
+    """Raise if the largest magnitude is finite, but its square could overflow. NaN is ignored."""
     largest = float(np.nanmax(np.abs(array), initial=0.0))
     if LARGEST < largest < math.inf:
         raise ValueError(f"{name} must be below {LARGEST:g}, found {largest:g}")

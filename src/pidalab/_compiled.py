@@ -1,9 +1,10 @@
 """Kernels: functions that exist in plain Python and as machine code, which numba compiles and stores.
 
 Importing numba takes longer than a short computation, and compiling takes up to a minute. A process therefore starts
-with the plain forms, whose results differ from compiled ones only by rounding. After a second in plain forms, the
-process switches to compiled code if code of all kernels is stored. Otherwise another process compiles in the
-background. A call with large arguments waits for compiled code. Without numba every call uses the plain form.
+with the plain forms. Their results differ from those of compiled code only by rounding. After a second in plain forms,
+the process switches to compiled code if the code of all kernels is stored. Otherwise it starts another process that
+compiles in the background. A call with large arguments waits for compiled code. Without numba every call uses the
+plain form.
 
 If ``PIDALAB_COMPILE=1``, a process waits for compiled code from its first call. With ``PIDALAB_COMPILE=0``, or numba's
 own ``NUMBA_DISABLE_JIT=1``, only plain forms are used. Compiled code is stored in ``NUMBA_CACHE_DIR`` if that is set.
@@ -39,7 +40,9 @@ MOST_ATTEMPTS = 6
 
 
 class Kernel:
-    """A function in plain and compiled form. Each form calls the same form of other kernels.
+    """A function in plain and compiled form.
+
+    The plain form calls the plain forms of other kernels. The compiled form calls their compiled forms.
 
     Parameters
     ----------
@@ -58,7 +61,7 @@ class Kernel:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the form that this process uses."""
+        """Call the compiled or the plain form, as `TIER` decides."""
         if TIER.compiles(arguments):
             return self.dispatcher(*arguments)
         return TIER.run(self.python_form, arguments)
@@ -69,8 +72,8 @@ class Kernel:
         import numba
 
         config: Any = numba.config
-        # Do not fuse multiplications and additions, so that simulations give the same bits as the written C and Python
-        # programs.
+        # The option `fastmath` is not used, since it would fuse multiplications with additions. Simulations must give
+        # the same bits as the C and Python programs that pidalab writes.
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)
@@ -157,7 +160,10 @@ class Tier:
         self.spent = 0.0
 
     def compiles(self, arguments: tuple[Any, ...]) -> bool:
-        """Return True if a call should use compiled code. Compile it if necessary."""
+        """Return True if a call should use compiled code.
+
+        If no compiled code is stored after a second in plain forms, start to compile in the background.
+        """
         if self.allowed is None:
             self.begin()
         if self.ready or not self.allowed:
@@ -191,7 +197,7 @@ class Tier:
         return bool(self.allowed)
 
     def run(self, form: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Call a plain form. NumPy does not warn of divisions by zero during the call."""
+        """Call a plain form. Suppress NumPy's floating-point warnings during the call."""
         start = time.perf_counter()
         with np.errstate(all="ignore"):
             try:
@@ -259,7 +265,8 @@ def compile_in_background() -> None:
     # priority.
     apart: Any = {"creationflags": 0x00004208} if os.name == "nt" else {"start_new_session": True}
     closed: Any = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    # Start in the folder that contains the package. Put it last on the path, so that its files hide no other module.
+    # Start in the folder that contains the package. Put this folder last on the path, so that no file in it hides
+    # another module.
     parent = str(PACKAGE.parent)
     script = f"import sys; sys.path.append({parent!r}); from pidalab.warm_up import main; main()"
     try:

@@ -1,4 +1,4 @@
-"""Sanitising of text from outside before it is written to files.
+"""Clean text from outside before it is written to files.
 
 File names, column names and notes come from outside, and are written into the headers and titles of code, reports,
 tables and JSON. They must not end a comment, or contain a quote, a tag, a formula or a line feed. Therefore only
@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-KINDS = ("PI", "PID", "PIDA")  # kinds of controllers, by their highest derivative
+KINDS = ("PI", "PID", "PIDA")  # kinds of controllers. The index is the order of the highest derivative
 WITHOUT_ACCELERATION = KINDS[:2]
 # Names of the models that `pidalab.rules.models` derives from a process for the rules.
 STARTING_MODELS = ("process", "reaction", "first_order", "second_order", "third_order", "integrator")
@@ -95,7 +95,7 @@ def set_out(cells: Iterable[str], widths: Sequence[int], left: int = 1) -> str:
     widths : sequence of int
         Widths of the columns.
     left : int, optional
-        Number of first cells that are aligned left. The others are aligned right.
+        Number of cells at the beginning of the line that are aligned left. All other cells are aligned right.
 
     Returns
     -------

@@ -81,7 +81,7 @@ class IdealGains(NamedTuple):
         Returns
         -------
         StandardForm
-            Form with ``ti = inf`` if there is no integral action.
+            The form. ``ti`` is infinite if there is no integral action.
 
         Raises
         ------

@@ -29,7 +29,9 @@ from pidalab.response import Response
 from pidalab.style import GREY, STYLE, BookAxes
 
 LINE_POINTS = 4000  # largest number of points of a line
-NOISY_POINTS = 400  # largest number of points of a noisy line, since a vector file stores nearly all of them
+# Largest number of points of a noisy line. Matplotlib cannot simplify a noisy line, so a vector file would store nearly
+# all its points.
+NOISY_POINTS = 400
 
 
 def use_book_style() -> None:
@@ -100,7 +102,7 @@ def signal(
     ax : Axes
         Axes to draw into.
     responses : mapping of str to Response
-        Lines by their labels.
+        Responses to draw. The keys are the labels of the lines.
     name : {"y", "u", "e"}
         Signal to draw.
     until : float, optional
@@ -199,7 +201,7 @@ def maps(
     x, y : array_like, shape (n,) and (m,)
         Values of the parameters, above 0. The axis of x is logarithmic.
     values : mapping of str to array_like, shape (m, n)
-        Maps by their titles. Values that are not finite, such as those of unstable loops, are hatched.
+        Maps to draw. The keys are the titles. Values that are not finite, such as those of unstable loops, are hatched.
     levels : sequence of float
         Limits of the shades. Values below the first limit have the first shade, and values above the last limit an
         additional shade.
@@ -216,7 +218,7 @@ def maps(
     Raises
     ------
     ValueError
-        If a map has another shape.
+        If the shape of a map is not (m, n).
 
     Examples
     --------
@@ -292,7 +294,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     ax : Axes
         Axes with labelled lines.
     at : mapping of str to float
-        Horizontal position of each label.
+        Position of each label on the x axis, in units of the data.
     below : collection of str, optional
         Labels that are written below their lines instead of above.
 
@@ -319,7 +321,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)
         up = -1 if label in below else 1
-        # Shift the label away from the slope.
+        # Where the line slopes, shift the label to the side that the line does not cross.
         side = 0 if abs(after - before) < 0.5 else int(np.sign(before - after)) * up
         place: dict[str, Any] = {"ha": ("center", "left", "right")[side], "va": "bottom" if up > 0 else "top"}
         x, y = ax.transData.inverted().transform((here, y))
@@ -418,13 +420,14 @@ class _LiveFigure:
 def live(plant: str | Process, controllers: Mapping[str, Controller], **more: Any) -> _LiveFigure:
     """Make a live figure of the book.
 
-    Call the function in a cell inside ``<div class="pidalab-live">``, which becomes a figure with controls. Readers
+    Call the function in a cell inside ``<div class="pidalab-live">``. This div becomes a figure with controls. Readers
     without JavaScript see the figure that the cell draws.
 
     Parameters
     ----------
     plant : str or Process
-        Name of a plant of the lab, such as "lags3", or a process. A process needs an ``end`` in ``conditions``.
+        Name of a plant of the lab, such as "lags3", or a process. With a process, ``conditions`` must contain ``end``,
+        the end of the time axis.
     controllers : mapping of str to HighOrderPID
         PI, PID or PIDA controllers by name. Their numbers are passed with six digits.
     **more : Any

@@ -75,7 +75,7 @@ class Requirements:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def peaks(self, slack: float = 0.0) -> dict[str, float]:
-        """Return each limit of a peak, multiplied by ``1 - slack``, by its name in `pidalab.optimal.problem.PEAKS`."""
+        """Return the limits of peaks, multiplied by ``1 - slack``. The keys are names in `optimal.problem.PEAKS`."""
         limits = {name: value for name, value in self.limits().items() if name in ("ms", "mks", "mt")}
         if self.disk is not None:
             limits["inverse_disk"] = 1 / self.disk

@@ -25,7 +25,7 @@ ALLOWED = 1e-10  # largest difference of the coefficients, relative to their siz
 TRUSTED_DEGREE = 8  # up to this degree, well separated eigenvalues are accepted directly
 MULTIPLE_BEYOND = 40  # above this degree, at most half of the roots may be distinct
 HIGHEST_DEGREE = 400
-ON_AXIS = 1e-13  # a real part below this share of the modulus is rounding
+ON_AXIS = 1e-13  # a real part below this share of the modulus is taken for rounding and set to 0
 
 
 def roots(polynomial: ArrayLike) -> Any:
@@ -188,7 +188,7 @@ def _in_pairs(values: Any) -> Any:
 
 
 def quadratic_roots(c0: Array, c1: Array, c2: Array) -> Array:
-    """Return both roots of c0 + c1 s + c2 s^2 without cancellation. A missing root is 0."""
+    """Return both roots of c0 + c1 s + c2 s^2 without cancellation. A root that is infinite or complex becomes 0."""
     with np.errstate(all="ignore"):
         q = -0.5 * (c1 + np.copysign(np.sqrt(c1**2 - 4 * c2 * c0), c1))
         return np.nan_to_num(np.stack([q / c2, c0 / q]), nan=0.0, posinf=0.0, neginf=0.0)

@@ -109,7 +109,7 @@ class Controller(Block):
         Raises
         ------
         TypeError
-            If a subclass does not define it.
+            If a subclass does not define this method.
 
         Examples
         --------
@@ -134,7 +134,7 @@ class Controller(Block):
         Raises
         ------
         TypeError
-            If a subclass does not define it.
+            If a subclass does not define this method.
 
         Examples
         --------
@@ -256,7 +256,7 @@ class Controller(Block):
 
 
 def six_digits(text: str) -> str:
-    """Round numbers with six or more decimals in a text to six digits."""
+    """Find numbers with six or more decimals in a text, and round them to six significant digits."""
     return re.sub(r"\d+\.\d{6,}(e[+-]\d+)?", lambda number: f"{float(number[0]):.6g}", text)
 
 

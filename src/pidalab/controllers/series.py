@@ -21,7 +21,8 @@ class SeriesPIDA(Controller):
 
     .. math:: C(s) = \frac{k_p + k_d s + k_a s^2}{(T_f s + 1)^n} \cdot \frac{1 + t_i s}{t_i s}
 
-    The reset is positive feedback of the limited control signal. Therefore the transfer function holds only within the
+    The PDA controller has proportional, derivative and acceleration action. The automatic reset adds integral action by
+    positive feedback of the limited control signal through a lag. Therefore the transfer function holds only within the
     limits. `pidalab.simulate_sampled` and `pidalab.portrait` simulate the reset with the limits.
 
     Parameters
