@@ -2,9 +2,9 @@
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of the loop transfer function L
 is smooth between grid points, but the dead time turns the phase without bound. A grid step is therefore divided further
-if the dead time turns the phase quickly within the step *and* the step may contain a crossover or peak. A step may
-contain a crossover if the magnitude of L is large enough, and a peak if an upper bound of the values within the step
-exceeds the highest value so far.
+if the dead time turns the phase quickly within the step *and* the step may contain a phase crossover or peak. A step
+may contain a phase crossover to be returned if the magnitude of L is large enough. It may contain the highest peak of a
+sensitivity function if an upper bound within the step exceeds the highest value so far.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOST_POINTS = 2_000_000  # largest number of points; more would exhaust the memo
 FINE_STEP, COARSE_STEP = 0.25, 1.0
 # L does not cross the negative axis in a step if cos(angle of L) is above this value at both ends of the step.
 NEAR_POSITIVE_AXIS = 0.5
-# log |L|, a relative imaginary part or a relative difference counts as 0 if its modulus is smaller.
+# A value of log |L|, a relative imaginary part or a relative difference counts as 0 if its modulus is below this value.
 ROUNDING = 1e-12
 TOUCHING = 0.1  # an extremum of log |L| on the grid is refined if its modulus is less than this value
 DETOUR = 1.5  # assumed upper bound of (length of the path of L between two points) / |L2 - L1|
@@ -41,7 +41,7 @@ SAME_CROSSING = 1e-8
 # The refinement of a peak ends when step / (width of the first bracket) is at most SAME_PEAK. The step of finite
 # differences is DIFFERENCE_STEP times the distance of the middle point to its nearer neighbour.
 SAME_PEAK, DIFFERENCE_STEP = 1e-6, 1e-3
-# A long grid step is first divided into pieces, each of which then gets about this number of points.
+# A long grid step is first divided into pieces. A piece that is divided further gets about this number of points.
 PIECE = 64.0
 FOLLOWED_TOGETHER = 60  # largest number of pieces that are divided at once
 # Where frequency times dead time is above this angle in rad, the dead time turns the phase noticeably in one grid step.
@@ -69,8 +69,9 @@ class Samples(NamedTuple):
 
 
 def frequencies(roots: Any, delay: float, end: float = math.inf) -> Array:
-    """Return a frequency grid for some roots: 1e-4 times the least modulus to 1e4 times the largest, at most `end`.
+    """Return a frequency grid for some roots.
 
+    The grid extends from 1e-4 times the smallest modulus of the roots to 1e4 times the largest, but not beyond `end`.
     The inverse of the dead time counts as a root.
     """
     speeds = [speed for speed in np.abs(roots).tolist() if speed > 0] + ([1 / delay] if delay else [])
@@ -149,8 +150,8 @@ def lowest(function: Callable[[Any], Any], w: Array, i: Any) -> tuple[Array, Arr
     -----
     Newton's method on the slope is applied to all minima at once. Invariant: each iterate stays between `low`, where
     the function falls, and `high`, where it rises. Slope and curvature are computed from differences with long steps,
-    because the values lose many digits near a lightly damped pole. The returned value is the minimum of the last
-    parabola.
+    because the values lose many digits near a lightly damped pole. The returned value is the minimum of the parabola
+    through the last three values.
     """
     low, place, high = w[i - 1], w[i], w[i + 1]
     wide, apart = high - low, DIFFERENCE_STEP * np.fmin(place - low, high - place)
@@ -178,7 +179,7 @@ def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Arra
 
     with np.errstate(all="ignore"):
         w, value = samples.w, np.log(np.abs(samples.num) / np.abs(samples.den))
-        # If the gain is 1 everywhere, there is no crossover.
+        # Drop the points at which |L| is 1 but for rounding. So a gain of 1 at all frequencies gives no crossover.
         clear = np.isfinite(value) & (np.abs(value) >= ROUNDING)
         w, value = w[clear], value[clear]
         touched = [np.zeros(0)]
@@ -228,10 +229,10 @@ class Axis(ABC):
     on_grid : Samples
         The loop at the frequencies of the grid.
     delay : float
-        Dead time; 0 if there is none.
+        Dead time, or 0 if there is none. For a sampled loop, the sample time is added.
     at_zero, at_end : float
-        L at both ends of the axis, a real number. With dead time, L has no limit at infinite frequency, and `at_end`
-        is the limit of -\\|L\\|, the worst case.
+        L at both ends of the axis, where L is real or infinite. With dead time, L has no limit at infinite frequency,
+        and `at_end` is the limit of -\\|L\\|, the worst case.
     end : float
         Upper end of the axis: infinity for a continuous loop, half the sampling frequency for a sampled loop.
     """
@@ -249,7 +250,7 @@ class Axis(ABC):
 
     @abstractmethod
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count zeros of the characteristic function right of a contour. Return None if one lies on the contour.
+        """Count zeros of the characteristic function right of a contour. Return None if a zero lies on the contour.
 
         The contour is s = jω - contour_slope * ω - contour_shift.
         """
@@ -266,7 +267,7 @@ class Axis(ABC):
             return np.abs(self.on_grid.num) / np.abs(self.on_grid.den)
 
     def follow(self, loud: float) -> Array:
-        """Return the grid, with the steps divided in which \\|L\\| >= loud."""
+        """Divide each step of the grid with \\|L\\| >= loud at one end or both, and return the grid."""
         return self.points(np.fmax(self.size[:-1], self.size[1:]) >= loud)
 
     def points(self, steps: Any, turn: float = FINE_STEP) -> Array:
@@ -327,7 +328,7 @@ class Axis(ABC):
 
     @cached_property
     def _probes(self) -> Array:
-        """Return frequencies near the highest gain crossovers, where L turns quickly and comes near -1."""
+        """Return frequencies near the last gain crossovers, where the dead time turns L quickly and L comes near -1."""
         if not self.delay or not (self.size[self.grid.searchsorted(QUICK / self.delay) :] >= 1).any():
             return np.zeros(0)
         edges = self.gain_crossovers

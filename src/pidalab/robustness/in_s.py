@@ -24,7 +24,8 @@ from pidalab.robustness.axis import (
 )
 from pidalab.roots import roots
 
-# If the dead time turns the phase by more than this angle in rad, rounding errors are a noticeable part of a turn.
+# If the dead time turns the phase by more than this angle in rad, rounding errors are a noticeable part of a turn. Then
+# the computed number of poles need not be close to a whole number.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # grid points per decade, far from all corner frequencies
 CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse
@@ -59,7 +60,7 @@ class LoopFactors(NamedTuple):
 
 
 def factors_of(loop: Loop, *names: str) -> LoopFactors:
-    """Factor some blocks of a loop, without the dead time and without cancellation.
+    """Factor some blocks of a loop, without dead time. Common factors are not cancelled.
 
     Raises
     ------
@@ -118,15 +119,16 @@ class AxisInS(Axis):
         return Samples(w, *self.factors.fraction(1j * np.asarray(w)))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        r"""Count zeros of the characteristic function f right of a contour. Return None if one lies on the contour.
+        r"""Count zeros of the characteristic function f right of a contour. Return None if a zero lies on the contour.
 
         Notes
         -----
-        With L = N/D, f = D (1 + L) = N (1 + 1/L). Where \|L\| < 1 between two gain crossovers, 1 + L stays right of the
-        imaginary axis, so its principal angle does not jump. The change of angle(f) is the change of angle(D) plus the
-        change of angle(1 + L). Where \|L\| > 1, N and 1 + 1/L take the place of D and 1 + L. Along a straight line, the
-        angle of each factor s - root changes by less than half a turn, and the angle of e^(-s delay) changes by -delay
-        times the change of ω. So the values at the gain crossovers suffice.
+        With L = N/D, f = D (1 + L) = N (1 + 1/L). If \|L\| < 1 between two gain crossovers, 1 + L stays right of the
+        imaginary axis there, so its principal angle does not jump. Between these crossovers the change of angle(f) is
+        the change of angle(D) plus the change of angle(1 + L). If \|L\| > 1 between two gain crossovers, the same holds
+        with N and 1 + 1/L in place of D and 1 + L. Along a straight line, the angle of each factor s - root changes by
+        less than half a turn, and the angle of e^(-s delay) changes by -delay times the change of ω. So the values at
+        the gain crossovers suffice.
         """
         factors, w = self.factors, self.grid
         direction = 1j - contour_slope
@@ -160,7 +162,7 @@ class AxisInS(Axis):
                 k = np.flatnonzero(active)
                 start = direction * np.append(0.0, edges)[k] - contour_shift
                 stop = np.append(direction * edges - contour_shift, np.nan)[k]
-                # Seen from the infinite end of the contour, all roots lie in the same direction.
+                # At the infinite end of the contour, s - root has the direction of the contour for all roots.
                 reach = np.where(np.isnan(stop.real)[:, None], direction, stop[:, None] - zeros[None, :])
                 total += float(np.angle(reach * np.conj(start[:, None] - zeros[None, :])).sum())
                 total += sign * float((half[k + 1] - half[k]).sum())
@@ -218,7 +220,10 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return frequencies that extend the grid until |L| has crossed 1. Beyond the grid |L| is nearly a power of w."""
+    """Return two arrays of frequencies, below and above the grid, that extend it until |L| has crossed 1.
+
+    Beyond the grid |L| is nearly a power of w. Return an empty list if the grid is wide enough.
+    """
     at_zero = factors.poles.tolist().count(0) - factors.zeros.tolist().count(0)
     at_infinity = factors.poles.size - factors.zeros.size
     parts = []

@@ -1,13 +1,14 @@
 r"""Evaluate a sampled loop along the unit circle, with exact dead time.
 
-Within a sample interval h, the delayed input v of the plant is constant, or constant in each of two pieces (see
-`statespace`). If the input in piece j is :math:`m_j` samples old, the state is
+Within a sample interval h, the delayed input of the plant is constant, or constant in each of two pieces (see
+`statespace`). In piece j the input is the sample :math:`v_{k-m_j}`, which is :math:`m_j` samples old. So the state is
 :math:`x_{k+1} = \Phi x_k + \sum_j \Gamma_j v_{k-m_j}`, and the transfer function from sample to sample is
 
-.. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0}.
+.. math:: G(z) = \sum_j c\,(z - \Phi)^{-1} \Gamma_j z^{-m_j} + d\,z^{-m_0},
 
-With the controller K(z), the loop transfer function is :math:`L(z) = G(z) K(z)`. L determines stability and margins at
-the samples without approximation. The output between samples is not considered.
+where c is the output vector and d the direct feedthrough. With the controller K(z), the loop transfer function is
+:math:`L(z) = G(z) K(z)`. L determines stability and margins at the samples without approximation. The output between
+samples is not considered.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ class AxisInZ(Axis):
     ----------
     transfer : callable
         Function that returns numerator and denominator of L at s on or near the imaginary axis. The unstable poles of L
-        are zeros of the denominator. Numerator and denominator have poles only inside the circle.
+        are zeros of the denominator. Numerator and denominator have poles only inside the unit circle.
     """
 
     transfer: Callable[[Any], tuple[Any, Any]]
@@ -110,16 +111,17 @@ class AxisInZ(Axis):
         return Samples(w, *self.transfer(1j * w))
 
     def encirclements(self, contour_slope: float, contour_shift: float) -> int | None:
-        """Count zeros of the characteristic function outside a contour. Return None if one lies on the contour.
+        """Count zeros of the characteristic function outside a contour. Return None if a zero lies on the contour.
 
-        The contour is z = e^(s h) with s = jω - contour_slope * ω - contour_shift: the unit circle or a spiral.
+        The contour is z = e^(s h) with s = jω - contour_slope * ω - contour_shift. It is the unit circle if slope and
+        shift are 0, and otherwise a spiral.
 
         Notes
         -----
         The characteristic function is N + D for L = N/D. If |L| stays below 1 between two points of the grid, the
         change of angle(N + D) follows from angle(D) and angle(1 + L) at both points. If |L| stays above 1, this change
-        follows from angle(N) and angle(1 + 1/L). All other steps are halved until angle(N + D) changes by at most
-        `LARGEST_TURN`.
+        follows from angle(N) and angle(1 + 1/L). Both rules apply only if angle(D), or angle(N) without the dead time,
+        changes by at most `LARGEST_TURN`. All other steps are halved until angle(N + D) changes by at most this angle.
         """
 
         def characteristic(w: Any) -> Any:

@@ -1,27 +1,29 @@
 r"""Prove absolute stability of a loop with a limited control signal: circle and Popov criterion with exact dead time.
 
-With constant set point and load, the limited control signal :math:`u = \mathrm{sat}(u_L)` of a controller with
-automatic reset acts back on :math:`u_L`,
+A controller with automatic reset computes the unlimited signal :math:`u_L`, and the actuator receives the limited
+signal :math:`u = \mathrm{sat}(u_L)`. With constant set point and load, :math:`u_L` depends on u through
 
-.. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}
+.. math:: u_L = -G\,u + \text{const}, \qquad G = F - F_r, \qquad F = R_p Q_n S, \qquad F_r = \frac{1}{1 + T_i s}.
 
-(the symbols are those of huba2024, Fig. 1). F_r is part of G because the input of F_r is the *limited* signal. F_r has
-a minus sign because the reset is positive feedback. Suppose that the loop can rest at a u strictly between the limits.
-Then the deviation of u from this value is a function of the deviation of u_L. This function lies in the sector from 0
-to 1: its slope is at most 1, and its value is 0 only at 0. The criterion of Popov with the multiplier
+Here :math:`R_p` is the stabilising controller, :math:`Q_n` its filter, S the process and :math:`F_r` the reset (symbols
+of huba2024, Fig. 1). F_r is part of G because the input of F_r is the *limited* signal. F_r has a minus sign because
+the reset is positive feedback. Suppose that the loop has an equilibrium with u strictly between the limits. Then the
+deviation of u from equilibrium is a function of the deviation of u_L from equilibrium. This function lies in the sector
+from 0 to 1: its slope is at most 1, and its value is 0 only at 0. The criterion of Popov with the multiplier
 :math:`\theta \ge 0` is
 
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
-With θ = 0 this is the circle criterion. For this sector the circle is the half plane left of -1. If either criterion
-holds, the loop comes to rest from every initial state. This theorem makes three assumptions:
+With θ = 0 this is the circle criterion. For the sector from 0 to 1, the circle that G must avoid becomes the half plane
+left of -1. If the Popov or the circle criterion holds, the loop comes to rest from every initial state. The theorem
+makes three assumptions:
 
-- F is strictly proper. Its poles lie left of the imaginary axis. The only exception is a simple pole at 0 of an
-  integrating process. With this pole (Popov's particular case) the sector excludes the gain 0, because this gain does
-  not stabilise the loop. The residue of the pole must be positive, so that every small gain stabilises the loop. The
-  theorem requires θ > 0 in this case. The circle criterion still suffices: ωG is bounded, so a margin that is positive
-  with θ = 0 remains positive with a small θ.
-- The nonlinearity does not change with time. (The circle criterion alone would not need this assumption.)
+- F is strictly proper. Its poles lie left of the imaginary axis. The only exception is a simple pole at 0, such as that
+  of an integrating process. With this pole (Popov's particular case) the sector excludes the gain 0, because the loop
+  with this gain would not be stable. The residue of the pole must be positive, so that every small positive gain
+  stabilises the loop. In this case the theorem requires θ > 0. Nevertheless, the circle criterion is sufficient: ωG is
+  bounded, so a margin that is positive with θ = 0 remains positive with a small θ.
+- The limits do not change with time. (The circle criterion alone would not need this assumption.)
 - The inequality is strict, also in the limits for ω → 0 and ω → ∞.
 
 A dead time is allowed (Popov and Halanay, 1962). Both criteria are sufficient, not necessary: a loop that meets neither
@@ -29,8 +31,10 @@ may still come to rest from every state.
 
 If F has the pole at 0, write :math:`F = E/s`. Since :math:`F_r(0) = 1`, the real part in the criterion then tends to
 :math:`E'(0) + \theta E(0)` for ω → 0. For the controllers of huba2024 this limit is
-:math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. So without derivative (:math:`K_d = 0`) the circle criterion
-never holds. For ω → ∞ the limit is :math:`1 - \theta/T_i`, so θ must be below :math:`T_i`.
+:math:`K_s (K_d - K_p (T_{dp} + n T_f)) + \theta K_s K_p`. Here :math:`K_s` and :math:`T_{dp}` are gain and dead time of
+the process, and n and :math:`T_f` are order and time constant of the filter. With :math:`K_d = 0` and θ = 0 the limit
+is negative, so without derivative the circle criterion never holds. If F has at least two more poles than zeros, the
+limit for ω → ∞ is :math:`1 - \theta/T_i`. Therefore only θ below :math:`T_i` are tried.
 """
 
 from __future__ import annotations
@@ -52,11 +56,12 @@ from pidalab.roots import border, roots
 # A value counts as lower than `best` if it is below best - NO_LOWER * max(1, |best|).
 NO_LOWER = 1e-10
 GRID_STEPS = 60  # largest number of grid steps that are divided at a time
-TOLERANCE = 1e-6  # a criterion certainly holds if the margin is larger than this
+TOLERANCE = 1e-6  # a criterion certainly holds if its margin is above this value
 LARGEST_MULTIPLIER = 1e3  # (largest multiplier without a reset) / (longest time constant or dead time)
 BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
-MARGIN_RTOL = 1e-9  # the search for a multiplier ends if the possible relative improvement is at most this
-MOST_MULTIPLIERS, FURTHER = 60, 4.0  # largest number of multipliers; largest ratio of successive multipliers
+MARGIN_RTOL = 1e-9  # the search for a multiplier ends if it can raise the margin by at most this relative amount
+# Largest number of multipliers that are tried, and largest (next multiplier) / (largest multiplier so far).
+MOST_MULTIPLIERS, FURTHER = 60, 4.0
 
 
 class LinearPart(NamedTuple):
@@ -67,9 +72,9 @@ class LinearPart(NamedTuple):
     forward : Process
         F, the path of the limited control signal through process, filter and controller, without the reset.
     zeros, poles : ndarray of complex
-        Zeros and poles of the rational part of F, without a pole at 0.
+        Zeros and poles of F. A pole at 0 is left out of `poles`.
     reset_time : float
-        T_i of the reset F_r = 1/(1 + T_i s). It is infinite without a reset.
+        T_i of the reset F_r = 1/(1 + T_i s). Infinite if there is no reset.
     """
 
     forward: Process
@@ -89,7 +94,7 @@ class LinearPart(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """Ratio of the leading coefficients of F."""
+        """Leading coefficient of the numerator of F, divided by the leading coefficient of the denominator."""
         return float(self.forward.num[0] / self.forward.den[0])
 
 
@@ -112,15 +117,15 @@ class Criterion(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """True if the margin is certainly positive."""
+        """True if the margin is above 1e-6, and therefore certainly positive."""
         return self.margin > TOLERANCE
 
 
 def linear_part(loop: Loop) -> LinearPart:
-    r"""Return the linear part G of a loop, from the limited control signal back to itself.
+    r"""Return the linear part G of a loop: the transfer function from the limited control signal u to -u_L.
 
-    The reset of a `pidalab.SeriesPIDA` acts on the limited signal, so G = F - F_r, as at the top of this page. With any
-    other controller, G is the loop transfer function L.
+    The reset of a `pidalab.SeriesPIDA` acts on the limited signal, so G = F - F_r (see the text at the head of this
+    module, which also defines the unlimited signal u_L). With any other controller, G is the loop transfer function L.
 
     Parameters
     ----------
@@ -194,9 +199,9 @@ def circle(loop: Loop) -> Criterion:
     Raises
     ------
     ValueError
-        If the criterion does not apply to the loop.
+        If the loop violates an assumption of the criterion (see `linear_part`).
     ArithmeticError
-        If the dead time turns the phase too often.
+        If the dead time turns the phase so often that the frequency grid would have too many points.
 
     Examples
     --------
@@ -232,9 +237,10 @@ def popov(loop: Loop) -> Criterion:
 
     Notes
     -----
-    At each frequency, the expression in the criterion is linear in θ. So the frequency of each computed infimum gives a
-    straight line over θ that the margin cannot exceed. The next infimum is computed at the θ where the minimum of all
-    lines is largest. The search ends when the best margin reaches this largest minimum.
+    The margin for a given θ is the infimum over frequency of an expression that is linear in θ. At a fixed frequency,
+    the expression is therefore a straight line over θ, and the margin is nowhere above this line. Each computed margin
+    adds the line at its frequency. The next margin is computed at the θ at which the lowest line is highest. At no θ
+    can the margin exceed the height of the lowest line there, so the search ends when the best margin reaches it.
 
     Examples
     --------
@@ -259,14 +265,15 @@ def popov(loop: Loop) -> Criterion:
         bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
-        # With a large multiplier many turns of the phase must be followed, so θ is increased step by step.
+        # With a large θ the grid must follow many turns of the phase. So θ is at most `slowest`, or FURTHER times the
+        # largest θ so far.
         reach = max(slowest, FURTHER * max(each.multiplier for each in tried))
         theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
 
 def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
-    """Return the θ from 0 to `most` at which the minimum of some lines is largest, and this minimum.
+    """Return the θ from 0 to `most` at which the lowest of some lines is highest, and the height at this θ.
 
     A line is given by its value at 0 and its slope.
     """
@@ -306,7 +313,8 @@ def smallest_filter_time(
     Returns
     -------
     float
-        The border to 6 digits, on the side where the property holds. 0 if the property holds down to `shortest`.
+        The shortest filter time, to 6 digits. The property holds at this value. 0 if the property holds down to
+        `shortest`.
 
     Raises
     ------
@@ -315,7 +323,7 @@ def smallest_filter_time(
 
     Examples
     --------
-    How short may the filter time become with gains that are tuned for 0.2?
+    How short may the filter time become if the gains remain tuned for a filter time of 0.2?
 
     >>> import dataclasses, pidalab
     >>> from pidalab import robustness
@@ -374,8 +382,8 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
     -----
     `best` is the smallest value so far. The dead time changes only the phase of (1 + jωθ) F(jω). So the modulus of this
     product gives a lower bound of the values within each step of the grid. A step is divided only if this bound is
-    below `best`. With a pole of F at 0, the real part of F would be a small difference of large numbers at low
-    frequencies. Therefore F is written as E/s: the real part of F is Im E/ω, and E has no such pole.
+    below `best`. If F has a pole at 0, the real part of F would be a small difference of large numbers at low
+    frequencies. Therefore F is then written as E/s, where E has no pole at 0. The real part of F is Im E/ω.
     """
     # If F has a pole at 0, these are the factors of E = s F.
     axis = from_factors(from_roots(part.gain, part.zeros, part.poles, part.forward.delay))
@@ -416,7 +424,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:
-    """Return the value at θ = 0 and the slope of Re[1 + (1 + jωθ) G(jω)], which is linear in θ."""
+    """Return value at θ = 0 and slope of the straight line over θ that is Re[1 + (1 + jωθ) G(jω)] at one frequency."""
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag

@@ -22,7 +22,7 @@ from pidalab.robustness.poles import count_unstable, is_stable
 QUIETEST = 0.1
 # `gain_for_ms` resolves the phase of the dead time at frequencies where |L| is above this value.
 QUIETEST_GIVEN = 0.1
-FAR_SHARE = 1e-2  # `gain_for_ms` uses the grid up to this value times the highest frequency
+FAR_SHARE = 1e-2  # `gain_for_ms` uses the grid up to this value times the highest frequency of the grid
 AROUND_PEAK = np.linspace(0.97, 1.03, 61)  # (frequencies added around a peak) / (frequency of the peak)
 MS_RTOL = 1e-6  # relative tolerance of Ms before the final root search
 MOST_LOOKS = 8  # largest number of times that frequencies around a peak are added
@@ -63,9 +63,9 @@ class Margins:
         Frequencies of the peaks (inf if a peak is approached at infinite frequency).
     gain_crossovers, phase_crossovers : ndarray
         All gain crossovers and phase crossovers. A continuous loop with dead time has infinitely many phase crossovers.
-        Only those with \\|L\\| >= 0.1 are listed. If none of them has \\|L\\| < 1, the limit 0.1 is lowered until one
-        has. If the phase of an unstable loop turns more than about 300,000 times in the searched range, no phase
-        crossovers are listed, and the gain margins are NaN.
+        Only those with \\|L\\| >= 0.1 are listed. If \\|L\\| < 1 at none of them, the limit 0.1 is lowered until
+        \\|L\\| < 1 at one of them. If the phase of an unstable loop turns more than about 300,000 times in the searched
+        range, no phase crossovers are listed, and the gain margins are NaN.
     """
 
     stable: bool
@@ -118,7 +118,7 @@ def max_sensitivity(loop: Loop) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If the loop is ill-posed: its direct feedthrough is exactly -1, and it has no dead time.
+        If the loop is ill-posed, that is, L has no dead time and a direct feedthrough of exactly -1.
 
     Examples
     --------
@@ -164,7 +164,7 @@ def max_control_sensitivity(loop: Loop) -> tuple[float, float]:
     4.0109 19.75
     """
     axis, controller = axis_in_s(loop), factors_of(loop, "controller", "output_filter")
-    # With integral action, C S at zero frequency is 1/P. Otherwise the lowest grid point is close enough.
+    # With integral action, C S at zero frequency is 1/P(0). Otherwise the lowest grid point is close enough to zero.
     (c_num, c_den), (f_num, f_den) = loop.blocks["controller"], loop.blocks["output_filter"]
     static, at_zero, at_end = loop.process.gain(), -math.inf, -math.inf
     if c_den[-1] == 0 or f_den[-1] == 0:
@@ -299,7 +299,7 @@ def margins(loop: Loop) -> Margins:
     axis = axis_of(loop)
     count, wgc = count_unstable(axis), axis.gain_crossovers
     at_crossovers = axis.L(wgc)
-    lag = np.mod(np.angle(at_crossovers) + np.pi, 2 * np.pi)  # angle that an extra dead time must add
+    lag = np.mod(np.angle(at_crossovers) + np.pi, 2 * np.pi)  # lag in rad that brings L to -1
     rotation = np.minimum(lag, 2 * np.pi - lag)
     wpc, places, size = _phase_crossovers(axis, bool(count))
     small, large = np.where(size < 1, size, 0.0), size[size > 1]
@@ -426,7 +426,7 @@ def _reached_from_below(unit: Array, ms: float) -> list[float]:
     low, high = ((-unit.real[lost] + sign * spread) / size[lost] for sign in (-1, 1))
     order = np.argsort(low)
     low, high = low[order], high[order]
-    # At each frequency, k from `low` to `high` is forbidden. If such an interval begins above the ends of all preceding
-    # intervals, k just below its start is allowed.
+    # At each frequency, k from `low` to `high` is forbidden. If one of these intervals begins above the ends of all
+    # preceding intervals, k just below its start is allowed.
     behind = np.concatenate([[0.0], np.maximum.accumulate(high)[:-1]])
     return low[low > behind][::-1].tolist()

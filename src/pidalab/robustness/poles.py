@@ -19,7 +19,7 @@ MOST_NODES = 512  # largest number of nodes of the collocation in the dead time
 FARTHEST = 20.0  # decay rate, in 1/dead time, of the fastest poles that are sought
 CLUSTER = 8  # at most this number of additional poles is returned, so that no cluster is split
 # If the modulus of a pole times the dead time is below SLOWEST_SURE, rounding errors of the collocation are larger than
-# the pole. Therefore such poles are first computed without dead time.
+# the pole. Therefore the first approximation of these poles ignores the dead time.
 SLOWEST_SURE = 1e-6
 
 ABERTH = 100  # largest number of steps of Aberth's method
@@ -40,8 +40,9 @@ def unstable_poles(loop: Loop) -> float:
     Returns
     -------
     int or float
-        The number. It is ``math.inf`` for a neutral loop with \\|L\\| >= 1 at infinite frequency. Such a loop has
-        infinitely many poles right of the axis, on the axis or arbitrarily close to it.
+        The number. It is ``math.inf`` for a neutral loop (with dead time and direct feedthrough) whose \\|L\\| is at
+        least 1 at infinite frequency. This loop has infinitely many poles right of the imaginary axis, on the axis or
+        arbitrarily close to it.
 
     Raises
     ------
@@ -66,7 +67,8 @@ def count_unstable(axis: Axis) -> float:
     if math.isinf(axis.end) and axis.delay and abs(axis.at_end) >= 1 - 1e-12:
         return math.inf
     slowest = axis.grid[0]
-    # A contour that is tilted to the left includes roots on the axis. The last contour also includes roots near 0.
+    # A contour that is tilted to the left also encloses roots on the imaginary axis. The last contour also encloses
+    # roots near 0.
     for slope, shift in ((0.0, 0.0), (1e-9, 1e-9 * slowest), (1e-7, 1e-7 * slowest), (1e-7, 1e-2 * slowest)):
         count = axis.encirclements(slope, shift)
         if count is not None:
@@ -123,8 +125,8 @@ def rightmost_poles(loop: Loop, count: int = 1) -> Array:
         If the loop has fewer poles or is ill-posed.
     ArithmeticError
         If the argument principle does not confirm the poles. Possible reasons: the poles lie too close to their
-        neighbours or to the infinite chain of poles of a neutral loop; they decay by more than a factor of e^20 in a
-        dead time; or their frequencies are hundreds of rad per dead time.
+        neighbours, or to the infinite chain of poles of a neutral loop (with dead time and direct feedthrough); they
+        decay by more than a factor of e^20 in a dead time; or their frequencies are hundreds of rad per dead time.
 
     Examples
     --------
@@ -195,7 +197,7 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
 
 
 def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
-    """Return L and the step of Newton's method on D + N at s, computed from the factors of L."""
+    """Return L = N/D and the step of Newton's method on D + N at s, computed from the factors of L."""
     from_zeros, from_poles = s[:, None] - factors.zeros, s[:, None] - factors.poles
     # Factors of numerator and denominator are combined in pairs, since their products may overflow.
     pairs = min(factors.zeros.size, factors.poles.size)
@@ -206,7 +208,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Count all poles right of a line just left of the first `last` poles. Return True if there are no others."""
+    """Return True if no other pole lies right of a vertical line just left of the first `last` poles."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
@@ -237,8 +239,9 @@ def _collocation(loop: Loop, nodes: int) -> Any:
 
     Notes
     -----
-    The signal in the dead time is a travelling wave. Sampled at Chebyshev points, the wave is the state of a linear
-    system without dead time. The eigenvalues of this system approximate the poles of the loop.
+    The dead time acts as a line along which a signal travels as a wave. The values of the wave at Chebyshev points,
+    together with the states of the rational part of L, are the state of a linear system without dead time. The
+    eigenvalues of this system approximate the poles of the loop.
     """
     num, den = open_loop(loop)
     order = len(den) - 1
@@ -262,7 +265,7 @@ def _collocation(loop: Loop, nodes: int) -> Any:
 
 
 def _polished(loop: Loop, approximate: Any) -> Any:
-    """Refine poles by Newton's method on the characteristic function. Drop those that are not its zeros."""
+    """Refine poles by Newton's method on the characteristic function. Drop poles that do not converge to a zero."""
     num, den = open_loop(loop)
     slope_num, slope_den = np.polyder(num), np.polyder(den)
     start = best = s = approximate[approximate.real > -FARTHEST]
@@ -281,7 +284,8 @@ def _polished(loop: Loop, approximate: Any) -> Any:
         still = np.abs(step) <= 1e-9 * np.abs(s)
         is_near = np.abs(s - start) <= 1e-2 * (np.abs(s) + SLOWEST_SURE)
         value = np.polyval(den, s) + np.polyval(num, s) * np.exp(-s)
-        # In a cluster Newton's method diverges when value and slope consist only of rounding errors.
+        # In a cluster Newton's method diverges when value and slope consist only of rounding errors. Then the best
+        # iterate is used.
         s = np.where(is_near & (np.abs(value) <= 10 * least), s, best)
         back, forward = np.polyval(den, s), np.polyval(num, s) * np.exp(-s)
         solved = np.abs(back + forward) <= 1e-6 * (np.abs(back) + np.abs(forward))
