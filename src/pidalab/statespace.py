@@ -14,14 +14,14 @@ from pidalab.roots import roots
 
 # A dead time that differs from a multiple of the sample time h by less than ALIGNED * h counts as the multiple.
 ALIGNED = 1e-9
-# Poles are sorted by modulus. Where the modulus rises by more than this factor, a new partial fraction begins.
+# Poles are sorted by modulus. If the ratio of successive moduli exceeds this factor, a new partial fraction begins.
 APART = 10.0
 # A partial fraction with at most this number of poles is in companion form.
 FEW_STATES = 12
 
 
 class StateSpace(NamedTuple):
-    """Realisation x' = A x + b w, y = c x + d w."""
+    """Realisation x' = A x + b w, y = c x + d w of a system with input w and output y."""
 
     A: Array  # (n, n)
     b: Array  # (n,)
@@ -39,7 +39,7 @@ class Part(NamedTuple):
 
 
 def parallel(*fractions: tuple[Array, Array]) -> tuple[tuple[Part, ...], float]:
-    """Split a product of rational functions into partial fractions with poles of similar modulus, and a direct part."""
+    """Split a product of rational functions into partial fractions (see `Part`) and a direct feedthrough."""
     return _parallel(*(np.ascontiguousarray(x, dtype=float).tobytes() for pair in fractions for x in pair))
 
 
@@ -72,7 +72,8 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
     numerator: Any
     scaled = num * unit ** np.arange(len(num) - 1.0, -1.0, -1.0)
     if n <= FEW_STATES:
-        # Powers of x = s/unit preserve the digits of the static gain if a filter time is far below the sample time.
+        # A companion form in powers of x = s/unit keeps the digits of the static gain even if a filter time is far
+        # below the sample time.
         q = monic([p / unit for p in own])
         M = np.eye(n, k=-1)
         M[:, -1] = [-c for c in q]
@@ -89,7 +90,7 @@ def _part(num: Array, lead: float, own: list[complex], others: list[complex]) ->
 
 
 def monic(poles: list[complex]) -> list[float]:
-    """Return the coefficients of the monic polynomial with these poles, lowest first, without the leading 1."""
+    """Return the coefficients of the monic polynomial with these poles, lowest power first, without the leading 1."""
     q: list[complex] = []
     for p in poles:
         q = [low - p * high for low, high in zip([0.0, *q], [*q, 1.0], strict=True)]
@@ -97,13 +98,16 @@ def monic(poles: list[complex]) -> list[float]:
 
 
 def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[complex]:
-    """Divide num (descending powers) by the product of all x - p, modulo q (see `monic`). Return ascending powers."""
+    """Divide num by the product of x - p over all `poles`, modulo q (see `monic`).
+
+    `num` is in descending powers, and the result in ascending powers.
+    """
     v: list[complex] = [0.0] * len(q)
     for coefficient in num:
         top = v[-1]
         v = [low - c * top for low, c in zip([coefficient, *v[:-1]], q, strict=True)]
     for p in poles:
-        # Solve (x - p) w = v + top q, starting from the end at which rounding errors do not grow.
+        # Solve (x - p) w = v + top q, from the highest or lowest power, so that rounding errors do not grow.
         above, below = 0j, 1 + 0j
         for numerator, denominator in zip(v[::-1], q[::-1], strict=True):
             above, below = above * p + numerator, below * p + denominator
@@ -127,8 +131,9 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
 def _chain(poles: Any) -> Array:
     """Return the matrix of multiplication by x, modulo the polynomial of the poles.
 
-    The matrix acts on coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... In powers of x, polynomials of high degree
-    would lose digits.
+    The matrix acts on the coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... If p_i and p_{i+1} are a complex pair,
+    the polynomial that ends with x - p_i contains the real part of p_i instead of p_i. In powers of x, polynomials of
+    high degree would lose digits.
     """
     M = np.diag(poles.real) + np.eye(poles.size, k=-1)
     for i in np.flatnonzero(poles.imag > 0):
@@ -138,7 +143,8 @@ def _chain(poles: Any) -> Array:
 
 def numerator(part: Part) -> Any:
     """Return the numerator of a part in descending powers. The denominator is the monic polynomial of its poles."""
-    # `now` is the polynomial for state variable i, and `before` the polynomial for state variable i - 1.
+    # The numerator is a sum of polynomials with the coefficients b[i]. `now` is the polynomial that belongs to b[i],
+    # and `before` the polynomial that belongs to b[i - 1].
     before, now, total = np.zeros(1), np.ones(1), np.zeros(1)
     for i in range(part.b.size):
         total = np.polyadd(total, part.b[i] * now)
@@ -198,12 +204,12 @@ def held(A: Array, b: Array, duration: float) -> tuple[Array, Array]:
     n = b.size
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = A, b
-    # Rows of a fast and a slow pole differ by powers of ten. Without balancing, the exponential would lose small rows.
+    # Rows of a fast and a slow pole differ by powers of ten. Without balancing, small rows would lose digits.
     balanced, (scale, _) = matrix_balance(augmented, permute=False, separate=True)
     transition = expm(balanced * duration) * scale[:, None] / scale
     phi, gamma = transition[:n, :n], transition[:n, n]
     if n and np.min(np.abs(np.linalg.eigvals(A))) * duration > 1.0:
-        # Every time constant is shorter than the duration, so the static gain dominates. This form keeps the digits of
-        # the gain.
+        # Every time constant is shorter than the duration, so the static gain dominates. The form below keeps the
+        # digits of the gain.
         gamma = np.linalg.solve(A, phi @ b - b)
     return phi, gamma

@@ -1,9 +1,9 @@
 """The step of a digital controller as a list of operations, which a compiled loop executes.
 
-`pidalab.digital.program` describes the step, from which C, structured text and Python are written. This module converts
-the step to operations in the same order, so the simulation gives the same bits as the written code. The list has no
-jumps. Both branches of an ``if`` are computed, and an assignment takes effect only where its condition is true.
-Therefore the same list serves one loop and many loops in parallel.
+`pidalab.digital.program` describes the step as statements, from which C, structured text and Python are written. This
+module converts the statements to operations in the same order, so the simulation gives the same bits as the written
+code. The list has no jumps. Both branches of an ``if`` are computed, and an assignment takes effect only where its
+condition is true. Therefore the same list serves one loop and many loops in parallel.
 """
 
 from __future__ import annotations
@@ -103,8 +103,8 @@ class _Compiler:
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # Let the last operation write to the target directly, except if it also reads the target. If it did both,
-            # parallel loops would depend on each other.
+            # Let the last operation write its result directly to the target, except if the operation also reads the
+            # target. A change in place would not compile to vector instructions over parallel loops, and is slower.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])

@@ -1,10 +1,10 @@
 r"""Simulation of loops with a digital controller that samples, holds and is limited.
 
-At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)` and sets the limited signal
-:math:`u_k`, which is held for the sample time h. If the dead time :math:`L = mh + \lambda` is not a multiple of h, the
-steps of the delayed input w lie inside the sample intervals:
+At :math:`t_k = kh` the controller reads :math:`\varepsilon_k = F_r r - (y + n)`, where :math:`F_r` is the prefilter.
+Then it sets the limited signal :math:`u_k`, which is held for the sample time h. The process input is v = u + d. If the
+dead time :math:`L = mh + \lambda` is not a multiple of h, the delayed input w steps inside the sample intervals:
 
-.. math:: w(t_k + s) = v_{k-m-1} \;\;(0 \le s < \lambda), \qquad v_{k-m} \;\;(\lambda \le s < h), \qquad v = u + d.
+.. math:: w(t_k + s) = v_{k-m-1} \;\;(0 \le s < \lambda), \qquad v_{k-m} \;\;(\lambda \le s < h).
 
 Each sample interval has one or two pieces with a constant input. A matrix exponential for each piece advances the plant
 exactly. The controller is discretised for a held input as well. The only remaining difference from the continuous loop
@@ -55,16 +55,17 @@ def simulate_sampled(
     r"""Simulate a loop with a digital, limited controller exactly, for any dead time of the plant.
 
     Before t = 0 the loop, including its controller, rests at its working point. A `DigitalController` must have the
-    step of `t` as its sample time. (The method ``step`` of such a controller starts without a bump instead of at rest.
-    To start it at rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other controller, its output filter and
-    every prefilter are discretised for held inputs with the step of `t`. All signals and limits are relative to the
-    state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits (-30, 50).
+    step of `t` as its sample time. (By contrast, the first call of the method ``step`` of a `DigitalController` starts
+    without a bump from the given signals. To start at rest, first call ``reset(r=y_offset, y=y_offset)``.) Any other
+    controller, its output filter and every prefilter are discretised for held inputs with the step of `t`. All signals
+    and limits are relative to the state of rest. An actuator from 0 to 80 that rests at 30 therefore has the limits
+    (-30, 50).
 
     A `SeriesPIDA` runs its automatic reset, :math:`i_{k+1} = a\,i_k + (1 - a)\,u_k` with :math:`a = e^{-h/t_i}`. The
-    limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). Here the filter :math:`Q_n` acts on the
-    difference of prefiltered set point and measurement. The paper does not say if :math:`Q_n` filters the set point,
-    too. To undo the effect of :math:`Q_n` on the set point, use a prefilter with :math:`(T_f s + 1)^n` in its numerator
-    and enough fast lags in its denominator to be proper.
+    limited signal is fed back positively (huba2024, Fig. 1, eqs. (3), (8)). Here the filter
+    :math:`Q_n = 1/(T_f s + 1)^n` acts on the difference of prefiltered set point and measurement. The paper does not
+    say if :math:`Q_n` filters the set point, too. To undo the effect of :math:`Q_n` on the set point, use a prefilter
+    with :math:`(T_f s + 1)^n` in its numerator and enough fast lags in its denominator to be proper.
 
     Parameters
     ----------
@@ -75,25 +76,27 @@ def simulate_sampled(
     setpoint, load, noise : float or array_like, shape (n,), optional
         As for `simulate`.
     limits : tuple of float, optional
-        Smallest (at most 0) and largest (at least 0) control signal. The limits of a `SeriesPIDA` also apply.
+        Smallest (at most 0) and largest (at least 0) control signal. The limits of a `SeriesPIDA` or a
+        `DigitalController` also apply.
     plant : Process or AsymmetricPlant, optional
         Plant to simulate instead of the loop's process.
     anti_windup : {None, "clamping", "conditioning"}, optional
         Action of the integral of a continuous controller at a limit. By default, or with "none", the integral
         continues. With *clamping* it stops while it would drive the control signal further beyond the limit. With
         *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, where w is the control signal before the limits
-        and u the limited signal. If the controller had received this sum in place of ε, its signal w would equal u.
-        Here :math:`k_p` is :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
-        ``controller.discretise``. A digital controller uses its own anti-windup.)
+        and u the limited signal. If a PI controller received this sum in place of ε, w would equal u. Here :math:`k_p`
+        is :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of ``controller.discretise``. A
+        digital controller uses its own anti-windup.)
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
-        Values are rounded to the nearest multiple, and halves to the even multiple. The limits are not rounded. A reset
-        or an integral uses the limited signal before rounding. With the rounded signal it could get stuck.
+        Values are rounded to the nearest multiple, and values halfway between two multiples to the even multiple. The
+        limits are not rounded. An automatic reset or an integral uses the limited signal before rounding. With the
+        rounded signal, the reset or the integral could stop too early.
     pulse_widths : int, optional
-        Number of widths of pulse width modulation. In each sample the actuator is at the upper limit during the pulse,
-        and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``, chosen so that the
-        mean output of the actuator in the sample is nearest to the control signal. With 0, the default, the actuator
-        holds its value. Before t = 0 the plant rests as if its input were constant.
+        Number of pulse widths above 0, for pulse width modulation. In each sample the actuator is at the upper limit
+        during the pulse, and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``,
+        chosen so that the mean output of the actuator in the sample is nearest to the control signal. With 0, the
+        default, the actuator holds its value. Before t = 0 the plant rests as if its input were constant.
 
     Returns
     -------
@@ -106,21 +109,21 @@ def simulate_sampled(
     TypeError, ValueError
         In each of these cases:
 
-        * Times are not uniform from 0, or signals have another length or contain NaN.
+        * Times are not uniform from 0, or a signal differs in length from `t` or contains NaN.
         * Limits are out of order or do not contain 0, or quanta are negative.
         * The plant has direct feedthrough without dead time, or an unstable loop overflows.
         * A filter in or after a continuous controller has a time constant below the sample time.
-        * A digital controller has another sample time.
+        * The sample time of a digital controller differs from the step of `t`.
         * Anti-windup is requested for a controller without integral action or with a reset.
-        * Conditioning is requested with kp/ki below the sample time, which makes the integral unstable.
+        * Conditioning is requested with kp/ki not above the sample time. The integral could then oscillate or diverge.
         * Pulses are requested without finite limits, with a quantum of the control signal, or for a plant that is not
           linear or has direct feedthrough.
 
     Notes
     -----
-    A controller that is discretised for held inputs cannot use a filter whose time constant is below the sample time.
-    The response of the derivative to a step would have decayed at the next sample. Use a sample time well below the
-    time constant, or backward differences, as most PLCs do: ``controller.discretise(sample_time)``.
+    A controller that is discretised for held inputs cannot use a filter whose time constant is below the sample time,
+    because the filtered derivative of a step would decay too far before the next sample. Use a sample time well below
+    the time constant, or backward differences, as most PLCs do: ``controller.discretise(sample_time)``.
 
     Examples
     --------
@@ -205,7 +208,8 @@ def sampled_controller(
 ) -> tuple[StateSpace, DigitalController]:
     """Discretise the controller of a loop, with its output filter, for held inputs and the sample time h.
 
-    Return the discretised transfer function, and a digital controller in series that adds the integral and the limits.
+    Return the discretised transfer function, and a digital controller in series with it, which adds the integral and
+    applies the limits.
     """
     require_fine_enough(h, shortest_filter(loop))
     if loop.automatic_reset is not None:
@@ -277,7 +281,7 @@ def shortest_filter(loop: Loop) -> float:
 def _with_reset(
     loop: Loop, reset: AutomaticReset, h: float, limits: tuple[float, float]
 ) -> tuple[StateSpace, DigitalController]:
-    """Discretise the stabilising controller with its filters. The reset becomes the integral."""
+    """Discretise the stabilising controller with its filters. The integral represents the automatic reset."""
     num, den = loop.blocks["output_filter"]
     filters = np.convolve(den, binomial(reset.filter_time, reset.filter_order))
     fraction = discretise(np.convolve(num, reset.stabiliser), filters, h)
@@ -288,8 +292,8 @@ def _with_reset(
 
 TAIL_SAMPLES, LONGEST_TAIL = 4096, 1 << 20  # smallest and largest number of samples of a response to noise
 # A response to noise is long enough if the sum of squares of its second half is at most FADED times the whole sum. If
-# the response then decays by the factor e in N samples, the relative error of the gain is at most FADED * N / (2 *
-# TAIL_SAMPLES): 1e-10 for N = 1e6, 1e-7 for N = 1e9.
+# the rest of the response decays by a factor of e in N samples, the relative error of the gain is at most FADED * N /
+# (2 * TAIL_SAMPLES): 1e-10 for N = 1e6, 1e-7 for N = 1e9.
 FADED = 1e-12
 # The response covers at least this number of dead times, since noise returns to the controller after one dead time.
 ECHOES = 4
@@ -347,7 +351,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
     Parameters
     ----------
     loop : Loop
-        The loop, which must be stable with this sample time as well.
+        The loop. It must be stable, also when the controller samples with `sample_time`.
     sample_time : float
         Sample time of controller and noise, above 0.
 
