@@ -1,4 +1,4 @@
-"""Use an installed pidalab with only its dependencies, outside a clone.
+"""Test an installed pidalab outside a clone, in an environment that has only the dependencies.
 
 `tools/release.py` runs this file with the interpreter of an empty environment, in an empty folder.
 """
@@ -27,7 +27,7 @@ def package() -> str:
 
 
 def loop() -> str:
-    """Tune a controller, and compare the load response with the integral that follows from the gains."""
+    """Tune a controller, and check that the error after a unit step of the load has the integral ti/kp."""
     process = pidalab.lags(3, delay=1.0)
     design = pidalab.rules.haalman.tune(process, ms=1.6)
     t = np.linspace(0, 200, 20001)
@@ -40,7 +40,7 @@ def loop() -> str:
 
 
 def command_line() -> str:
-    """Write code in four languages from a record, and check that a wrong argument gives a one-line error."""
+    """Write code in four formats from a record, and check that a wrong argument gives a one-line error."""
     t = np.arange(0.0, 60.0, 0.25)
     y = np.interp(t - 5.0, t, pidalab.open_loop_step(pidalab.fopdt(1.0, 4.0, 1.0), t).y, left=0.0)
     table = np.column_stack([t, np.where(t < 5.0, 0.0, 1.0), y])

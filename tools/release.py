@@ -53,7 +53,7 @@ def missing(wheel: Path, archive: Path) -> list[str]:
 
 
 def locked(folder: Path) -> Path:
-    """Write the locked versions as constraints. Leave out hashes, since pip would then refuse the local wheel."""
+    """Write the locked versions as constraints, without hashes. With hashes, pip would refuse the local wheel."""
     lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
     pins = [line.rstrip(" \\") for line in lines if "==" in line and not line.startswith(("#", " "))]
     path = folder / "constraints.txt"

@@ -1,6 +1,6 @@
 """Run every page of the book with a slightly changed library, and check that its results change, too.
 
-`paperledger.shake` explains the method. In a first run only printed numbers change.
+`paperledger.shake` explains the method. A first run of the pages changes the printed numbers instead of the library.
 
     python tools/shake.py                    # all papers
     python tools/shake.py huba2018           # one paper
@@ -40,7 +40,7 @@ def response(found: Any, off: Off) -> Any:
 
 
 def prepare() -> None:
-    """Import the modules of the pages and compile all kernels, before each page gets its own process."""
+    """Import modules and compile all kernels once, before a process is forked for each page."""
     from tqdm import tqdm
 
     from pidalab.warm_up import use_all

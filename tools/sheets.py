@@ -99,7 +99,7 @@ def _with_text(soup: BeautifulSoup, name: str, text: str, kind: str = "") -> Tag
 
 
 def sheet(title: str, shown: tuple[str, ...]) -> BeautifulSoup:
-    """Return the document of one kind of sheet. It has only the scripts for formulas."""
+    """Return the document of one kind of sheet. Of the scripts, it keeps only those that show formulas."""
     soup = BeautifulSoup((SITE / "book" / "intro.html").read_text(encoding="utf-8"), "html.parser")
     for script in soup.select("script"):
         if "MathJax" in script.get_text() or "mathjax" in script.get("src", ""):

@@ -14,7 +14,8 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "tools" / "vendored.toml"
-# A line with its SPDX name precedes each text. The texts have no copyright lines, which differ between projects.
+# A line with the SPDX name precedes the text of each licence. The texts contain no copyright lines, since these differ
+# between projects.
 TEXTS = ROOT / "tools" / "licences.txt"
 LINKED = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/legalcode"}  # needs only a link
 SITE = ROOT / "_build" / "html"
