@@ -240,18 +240,19 @@ class Signals:
         """Return a section of the record as a separate experiment, such as one of several set-point steps.
 
         Time begins at `start`. Set point, load and control signal become relative to their values just before `start`,
-        and y becomes relative to the set point before `start`. So the control error does not change, and every measure
-        is the same as after a step from rest.
+        and y becomes relative to the set point before `start`. So the control error does not change. If the loop has
+        settled before `start`, every measure is the same as after a step from rest.
 
         Parameters
         ----------
         start, stop : float
-            Beginning and end, rounded to samples. If `stop` is one sample after the record, the last sample is the end.
+            Beginning and end, rounded to the nearest samples. `stop` may be one sample after the end of the record. The
+            section then ends with the last sample.
 
         Returns
         -------
         Response
-            The section, without a jump at `stop`.
+            The section. A jump of set point, load or noise at `stop` is not included.
 
         Raises
         ------
@@ -330,8 +331,8 @@ class Signals:
         """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
         The test begins at the first change of the signal or at the last change of set point or load, whichever is
-        later. Set point and load are ignored if they change all the time. If fewer than `FEWEST_JUDGED` samples remain,
-        nothing is tested.
+        later. Set point and load are ignored if they change at more than one sample in `FEWEST_JUDGED`. If fewer than
+        `FEWEST_JUDGED` samples remain, nothing is tested.
         """
         if not self._grows(signal, 0):
             return
@@ -361,7 +362,8 @@ class Signals:
     def _pieces(self, horizon: float | None, block: int = BLOCK) -> Iterator[tuple[Curve, Array, Array]]:
         """Yield parabolas e(s) = c0 + c1 s + c2 s^2 on 0 <= s <= end for all sample intervals, block by block.
 
-        Each item is (c0, c1, c2), the ends, and the times at s = 0.
+        Here s is the time since the last sample, divided by the sample time. The end is 1, or less in an interval that
+        the horizon cuts off. Each item is (c0, c1, c2), the ends, and the times at s = 0.
         """
         horizon = self._horizon(horizon)
         for begin in range(0, self.t.size - 1, block):

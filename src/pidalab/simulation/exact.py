@@ -75,10 +75,12 @@ def checked_responses(loop: Loop, inputs: str, n: int, step: float) -> Array:
     ValueError
         If too many digits were lost. Also as for `pidalab.simulation.ladder.responses`.
 
-    Notes ----- The time constants of a loop do not tell how many digits cancel. So the response of a stiff loop is
-    computed again in other units. The ratio of the units is not a power of 2, and the first matrix exponential spans
-    half as much time as before, so all numbers are rounded differently. If both responses agree to ten digits, each has
-    lost at most about six of its sixteen digits.
+    Notes
+    -----
+    The time constants of a loop do not tell how many digits cancel. So the response of a stiff loop is computed again
+    in other units. The ratio of the units is not a power of 2, and the first matrix exponential spans half as much time
+    as before, so all numbers are rounded differently. If both responses agree to ten digits, each has lost at most
+    about six of its sixteen digits.
     """
     cut, norm, may_cancel = _prepared(loop, inputs, n, step)
     if not may_cancel:
@@ -109,7 +111,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
 def _require_agreement(
     loop: Loop, inputs: str, cut: Cut, norm: float, values: Array, step: float, finer: int
 ) -> None:
-    """Raise an error if `values` change in other units. Only every `finer`-th time in `values` was requested."""
+    """Raise an error if other units give other `values`. The caller requested every `finer`-th time of `values`."""
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
@@ -164,12 +166,14 @@ def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -
 def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
     """Return the sizes by which differences are divided, at each `every`-th time: (inputs, 3, times).
 
-    Notes ----- The size at a time is the largest value of the signal from t = 0 to one dead time after this time. So
-    the first values of a growing response must be exact. Values near 0 before the response begins need not be exact.
-    Compared with a kick of 1e13, every later difference would be negligible. So differences outside kicks are also
-    compared with the largest value outside kicks, with a larger tolerance. A kick of the fastest state begins at each
-    multiple of the dead time. After `KICK_UNRESOLVED` time constants of this state, values during its kicks are not
-    compared, because rounding of the time alone changes them.
+    Notes
+    -----
+    The size at a time is the largest value of the signal from t = 0 to one dead time after this time. So the first
+    values of a growing response must be exact. Values near 0 before the response begins need not be exact. A kick may
+    be 1e13 times as large as later values. Compared with such a kick, every later difference would be negligible. So
+    differences outside kicks are also compared with the largest value outside kicks, with a larger tolerance. A kick of
+    the fastest state begins at each multiple of the dead time. After `KICK_UNRESOLVED` time constants of this state,
+    values during its kicks are not compared, because rounding of the time alone changes them.
     """
     t, speeds = step * np.arange(values.shape[2]), _speeds(cut)
     fastest = np.max(speeds)
@@ -210,8 +214,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     ------
     ValueError
         If the loop is ill-posed, if the response of an unstable loop overflows, or if the times span too many dead
-        times. If \\|L\\| is near 1 or above at infinite frequency, fewer dead times are allowed, since the response
-        then depends on all past states.
+        times. Also if rounding makes the response of a stiff loop uncertain. If \\|L\\| is near 1 or above at infinite
+        frequency, fewer dead times are allowed, since the response then depends on all past states.
 
     Examples
     --------
@@ -253,8 +257,8 @@ def simulate(
     Raises
     ------
     ValueError
-        If the times are not uniform from 0, if a signal has another length or contains NaN, if the loop is ill-posed,
-        or if the control signal leaves the limits of the controller. (Saturation is not simulated.)
+        If the times are not uniform from 0, if a signal differs in length from `t` or contains NaN, if the loop is
+        ill-posed, or if the control signal leaves the limits of the controller. (Saturation is not simulated.)
 
     Examples
     --------

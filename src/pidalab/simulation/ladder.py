@@ -15,15 +15,15 @@ because they are 0. This truncation adds no error.
 
 *Error bound.* If one power of reach R were applied r times, the stack would need r (R - 1) more ages. Instead, one
 higher power is applied for each binary digit 1 of r. Together the higher powers have the same effect. Their total reach
-is smaller, because the negligible last coefficients of each power are dropped (see `ring.shortened`). The oldest states
-of the stack lack the terms of the dropped coefficients, so only these states are inexact. In the same way, an output
+is smaller, because the negligible last coefficients of each power are dropped (see `ring.shortened`). Only the oldest
+states of the stack become inexact, because they lack the terms of the dropped coefficients. In the same way, an output
 ignores its oldest ages if their coefficients are at most `ring.DROPPED` times the largest coefficient of this output.
 In the balanced units of the states, the total error is at most a product of five factors: `DROPPED`, the number of
 powers, the largest coefficient of a power, the gain of the other applied powers, and the largest old state. This bound
 is far below rounding errors if no coefficient or state is 1e10 times as large as the requested values. A larger
-coefficient or state also enlarges the rounding errors, so they still exceed the bound. `checked_responses` detects
-rounding errors by a second computation in other units. It cannot detect truncation, because both computations are
-truncated equally.
+coefficient or state enlarges both the bound and the rounding errors, so the rounding errors still exceed the bound.
+`checked_responses` detects rounding errors by a second computation in other units. Truncation changes both computations
+equally, so `checked_responses` cannot detect an error of truncation.
 """
 
 from __future__ import annotations
@@ -130,7 +130,8 @@ def _responses(cut, step, n, intervals, norm):
 
     * When the pass for k begins, the outputs at all requested times before multiple k are computed, and `first` is the
       index of the next requested time.
-    * `terms` holds all derivatives that are needed for a stack at multiple k with `deepest` ages, the most that occur.
+    * `terms` holds all derivatives that are needed for a stack at multiple k with `deepest` ages. No stack has more
+      ages.
     * The first requested time of an interval is (count + share) * delta after multiple k, with an integer `count`. A
       Taylor series advances the stack by share * delta. Then one power for each binary digit 1 of `count` advances the
       stack, in all by count * delta.
@@ -164,7 +165,7 @@ def _responses(cut, step, n, intervals, norm):
         return result, 0, TOO_LARGE
     # The Taylor series that advances a stack ends where its terms are negligible.
     spanned = min(SERIES, -low)
-    # Powers for longer times are not needed, because `distance` (below) is at most one step and one dead time.
+    # Powers for longer times are not needed, because `distance` (below) exceeds neither one step nor one dead time.
     bits = min(-low, len(powers))
     delta = step * 2.0 ** (low + spanned)
     series, term = 1, norm * delta
@@ -273,8 +274,8 @@ def _responses(cut, step, n, intervals, norm):
                         result[i, 2, begin + m] = out[outputs * m + 3]
                 if outputs > 3 and distance == 0.0 and begin == first and k > 0:
                     # A jump that arrives at a multiple of the dead time has not yet passed the fast filters, which are
-                    # not a part of the simulated process (see `realisation`). So u still has the settled value from
-                    # before the jump. The sum leaves out the state at t = 0, which is the jump itself.
+                    # kept out of the process (see `realisation`). So u still has the settled value from before the
+                    # jump. The sum leaves out the state at t = 0, because that state contains the jump.
                     settled_u = 0.0
                     for j in range(size if ages_left == k + 1 else 0, ages_left * size):
                         place = j - ages_left * size + read * size

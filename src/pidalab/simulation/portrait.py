@@ -100,7 +100,7 @@ def _differing(base: SeriesPIDA, parameters: Mapping[str, ArrayLike]) -> dict[st
     if not hasattr(parameters, "keys"):
         raise TypeError(f"parameters must be a mapping of arrays by name, found {type(parameters).__name__}")
     values = {}
-    # A Series of pandas iterates over values instead of names, so copy the mapping.
+    # Copy the mapping to a dict, since a Series of pandas iterates over values instead of names.
     for name, given in dict(parameters).items():
         if name not in PARAMETER_NAMES:
             raise ValueError(f"parameters must be among {', '.join(PARAMETER_NAMES)}, found {name!r}")
@@ -193,13 +193,13 @@ def _prefilter(bank: Bank, h: float) -> tuple[Array, Array, Array, Array]:
         augmented[:, 0, q] = 1.0
     transition = expm(augmented * (h / unit)[:, :, None])
     phi, gamma = transition[:, :q, :q], transition[:, :q, q]
-    # Split the numerator into its direct part and the remainder, which the output reads from the states.
+    # Split the numerator into the direct feedthrough d and a remainder, whose coefficients c multiply the states.
     d = num[:, 0]
     c = num[:, 1:] - d[:, None] * den[:, 1:]
     return tuple(np.moveaxis(x, 0, -1) for x in (phi, gamma, c, d))  # type: ignore[return-value]
 
 
-TASKS = 64  # approximate number of parts of the grid
+TASKS = 64  # approximate number of parts into which the grid is divided
 
 
 class Portrait(NamedTuple):
@@ -212,8 +212,9 @@ class Portrait(NamedTuple):
     tv_y, tv_u : ndarray
         Total variation of output and control signal, including the first change from 0.
     tv1_y, tv1_u : ndarray
-        Total variation minus that of one pulse, which goes from 0 to an extreme and back to the final value (huba2024,
-        eq. (24)). The final y is the prefiltered set point. The final u holds y at this value against the load.
+        Total variation minus the total variation of one pulse, which goes from 0 to an extreme and back to the final
+        value (huba2024, eq. (24)). The final y is the prefiltered set point. The final u holds y at this value against
+        the load.
     y_min, y_max, u_min, u_max : ndarray
         Smallest and largest value, including the initial value 0.
     y_end, u_end : ndarray
@@ -329,7 +330,7 @@ def portrait(
 def _state_of_rest(
     loop: Loop, bank: Bank, limits: tuple[float, float], r: float, d: float
 ) -> tuple[Array, Array]:
-    """Return the final values of output and control signal, and check that the limits allow them."""
+    """Return the final values of output and control signal. Raise if the limits do not contain the control signal."""
     num, den = loop.process.num[-1], loop.process.den[-1]
     if num == 0:
         raise ValueError(f"the process must have a static gain other than 0, found {loop.process!r}")

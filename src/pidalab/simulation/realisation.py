@@ -75,8 +75,9 @@ def times_ring_function(
 ) -> Array:
     r"""Return (row + direct W) H(A(z)) for a fraction H: one row of coefficients for each age of the state x.
 
-    H is much faster than its input, the signal row x + direct W, where W are the delayed signals. The algorithm of
-    `times_function` is applied to the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the loop.
+    The input of H is the signal row x + direct W, where W are the delayed signals. H is much faster than this signal.
+    The algorithm of `times_function` is applied to the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the
+    loop.
     """
     A, B, Cv, D = delayed
     if not dead_time:
@@ -110,16 +111,18 @@ def _delayed_row(direct: Array, Cv: Array, D: Array) -> Array:
 
 # Let w be the speed of the fastest state that drives a part of the controller. The part is decoupled (see `_cut`) if
 # all its poles are faster than FASTER * w, and if the loop gain at w is below HIGH_GAIN. With a higher gain the closed
-# loop would be much faster than w, and the plant would act as a chain of integrators. With FASTER = 100, a filter 50
-# times faster than its plant would not be decoupled. The kick of this filter, a short signal of 1e5 times y, would be a
-# difference of nearly equal states. After a step of the load, u had errors of up to 5e-8 of the largest u.
+# loop would be much faster than w, so the states that drive the part would not be slow, and the plant would act as a
+# chain of integrators. In a trial with FASTER = 100, a filter 50 times faster than its plant was not decoupled. The
+# kick of this filter, a short signal of 1e5 times y, was then a difference of nearly equal states. After a step of the
+# load, u had errors of up to 5e-8 of the largest u.
 FASTER, HIGH_GAIN = 10.0, 100.0
 # Consider the parts that are more than STIFF times as fast as the states that drive them. These parts are kept out of
 # the process (see `_cut`) if all are more than VERY_STIFF times as fast as those states, and if their kicks change the
-# process output by less than SENDS_LITTLE times the control error. All other parts then count as slow. The rounding
-# errors of the states of such a part grow with the ratio of the speeds. So once the part has settled, u is computed
-# from the past and present states that drive it. This computation of u neglects the effect of the fast states on the
-# process, which decreases with the square of the ratio.
+# process output by less than SENDS_LITTLE times the control error. All other parts then count as slow. Let q be the
+# speed of a part that is kept out, divided by the speed of the states that drive this part. The rounding errors of the
+# states of the part grow with q. So once the part has settled, u is computed from the past and present states that
+# drive the part. This computation of u neglects the effect of the fast states on the process, which decreases with the
+# square of q.
 STIFF = 100.0
 VERY_STIFF = 1e6
 SENDS_LITTLE = 1e-5
@@ -296,7 +299,7 @@ def _cut(loop: _Blocks, inputs: str, unit: float) -> Cut:
         without_slow_parts(parts[:slow], *control, fast) if fast else (np.zeros(1), np.zeros(0))
     )
     if apart:
-        # The quasi-steady effect on the process is the fast parts' transfer function, evaluated at the process matrix.
+        # The quasi-steady effect of the fast parts is their transfer function, evaluated at the matrix of the process.
         states.B[len(inputs) : states.used, ERROR] = times_function(process.b, process.A.T, *fast_fraction)
         y[size + RUSH] = 1.0
     area = states.append_series(StateSpace(np.zeros((1, 1)), np.array([unit]), np.ones(1), 0.0), y)

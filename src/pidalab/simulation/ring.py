@@ -211,8 +211,9 @@ def _width(first, second, most):
 
     Let a and b be the largest moduli in two coefficients. No element of their product exceeds order * a * b in modulus,
     so a sum of such terms is a bound for each coefficient of the result. Coefficients at the end are left out while
-    their bounds are at most `DROPPED` times the first coefficient of the result. `shortened` would drop them as well,
-    because the largest coefficient is at least as large as the first coefficient.
+    their bounds are at most `DROPPED` times the largest modulus in the first coefficient of the result. `shortened`
+    would drop these coefficients as well, because the largest coefficient is at least as large as the first
+    coefficient.
     """
     order = first.shape[0]
     ages, width = first.shape[1] // order, min(most * order, first.shape[1] + second.shape[1] - order)

@@ -206,9 +206,9 @@ def _integrate(
 
 @compiled
 def _beyond(c0: float, c1: float, c2: float, h: float, start: float) -> tuple[float, float]:
-    """Return the increase of two integrals over 0 <= s <= 1 by sign changes of e = c0 + c1 s + c2 s^2.
+    """Return the amounts by which sign changes of e = c0 + c1 s + c2 s^2 increase two integrals over 0 <= s <= 1.
 
-    The integrals are those of ``|e|`` and ``(start + h s) |e|``.
+    The integrands are ``|e|`` and ``(start + h s) |e|``.
     """
     # Find the roots between 0 and 1 in ascending order, without cancellation.
     cuts = np.array([0.0, 0.0, 0.0, 1.0])

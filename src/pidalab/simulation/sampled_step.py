@@ -36,7 +36,7 @@ class Steps(NamedTuple):
     phi: Array  # (pieces, 2, n, n)
     gamma: Array  # (pieces, 2, n)
     lag_samples: Array  # (pieces,), age in samples of the input that acts during the piece
-    pulse: Array  # (pieces, widths, n), what a pulse from the lower to the upper limit adds to the state
+    pulse: Array  # (pieces, widths + 1, n), what a pulse from the lower to the upper limit adds to the state
     c: Array  # (n,)
     d: float
 
@@ -47,7 +47,7 @@ class Actuator(NamedTuple):
     low: float
     high: float
     quantum: float  # 0 for unlimited resolution
-    widths: int  # number of pulse widths without the width 0; 0 for an actuator that holds its output
+    widths: int  # number of pulse widths above 0; 0 for an actuator that holds its output
 
 
 def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
@@ -205,7 +205,7 @@ def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: in
     """Advance the plant by a sample. Return the new state, then the old array for reuse."""
     for piece in range(plant.lag_samples.size):
         w = v[at - plant.lag_samples[piece]]
-        system = 1 if w > x[0] else 0  # x[0] does not cross the constant w, so this system applies throughout
+        system = 1 if w > x[0] else 0  # x[0] does not cross the constant w, so this system applies to the whole piece
         advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
         x, x_new = x_new, x
         if plant.pulse.shape[1] > 1:

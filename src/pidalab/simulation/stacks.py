@@ -93,9 +93,11 @@ def output_rows(C, direct, Cv, D, settled, most, run, powers, base):
 
     Its shape is (size of the stack, run * outputs).
 
-    Notes ----- The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns
-    are complete. The pass multiplies them by the next power. The product has as many columns, which belong to later
-    times. The pass then drops the ages that no output reads.
+    Notes
+    -----
+    The columns of the earliest time are the coefficients of the outputs. Before each pass, `have` columns are complete.
+    The pass multiplies these columns by the next power. The product gives the columns of the next times, up to `have`
+    columns. The pass then drops the ages that no output reads.
     """
     order, outputs = C.shape[1], 3 + (settled.shape[0] > 0)
     wide = outputs * run
