@@ -1,6 +1,6 @@
 """Write a digital controller as C, structured text, Python or JSON, with a head and a self-test.
 
-`LANGUAGES` defines how each language prints a statement. The folder ``templates`` contains all other text.
+`LANGUAGES` defines how statements are printed in each language. The folder ``templates`` contains all other text.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ STEPS = 30  # samples of the test vector within the working range
 FAR = 5  # further samples far above the set point, and as many far below it
 # Largest number of distances that are tried for these samples. Each distance is twice the one before.
 DOUBLINGS = 24
-INVALID = (12, 15)  # samples with an invalid measurement, the first of them in manual mode
-INVALID_MEASUREMENT = 1e30  # this value also exists in single precision
+INVALID = (12, 15)  # indices of samples with an invalid measurement, the first of them in manual mode
+INVALID_MEASUREMENT = 1e30  # above LARGEST_SIGNAL, but finite even in single precision
 HEAD_WIDTH, VALUES_WIDTH = 105, 95  # largest number of characters in a line
 MOST_NOTES, LONGEST_NOTE = 40, 500  # largest number of lines of a note, and of characters in a line
 PRECISIONS = ("double", "single")
 LONGEST_NAME = 32  # compilers may ignore further characters of a name
-# Keywords of the three languages, and names in their libraries and in PLCs, in small letters. Structured text ignores
-# case, so a variable named like a library block ("integral") would not compile.
+# Keywords of the three languages, and names of their libraries and of PLC software, in small letters. Structured text
+# ignores case, so a variable named like a library block ("integral") would not compile.
 RESERVED = frozenset(
     re.sub("#.*", "", Path(__file__).with_name("reserved.txt").read_text(encoding="utf-8")).split()
 )
@@ -90,7 +90,7 @@ def identifier(name: str, taken: Iterable[str] = ()) -> str:
     Raises
     ------
     ValueError
-        If the name is not an identifier or is a reserved word.
+        If the name is not an identifier, is a reserved word or occurs in `taken`.
 
     Examples
     --------
@@ -253,7 +253,7 @@ def content(k: Parameters) -> dict[str, Any]:
 
 
 def checksum(stored: dict[str, Any]) -> str:
-    """Return a checksum of the fields of a JSON. It does not depend on the order of fields or the format of numbers.
+    """Return a checksum of the fields. It does not depend on the order of the fields or on the format of numbers.
 
     The checksum does not protect against deliberate changes.
     """

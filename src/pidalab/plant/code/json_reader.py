@@ -12,7 +12,7 @@ from pidalab.digital.parameters import DISCRETE_ANTI_WINDUP
 from pidalab.plant.code.files import canonical, checksum, content
 
 LONGEST_FILE = 2_000_000  # characters; `json()` writes at most a tenth of this
-# These fields have the same names in a DigitalController.
+# These fields have the same names in the JSON and in a DigitalController.
 SAME = ("sample_time", "method", "anti_windup", "deadband", "feedforward", "tunable")
 ABOUT = {"about", "version", "checksum"}  # these fields do not affect the controller
 
@@ -31,7 +31,7 @@ def from_json(text: str) -> DigitalController:
     Returns
     -------
     DigitalController
-        A controller with the same parameters. It starts at its first measurement, since the file has no state.
+        A controller with the same parameters, before its first step. The file does not contain the states.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Fit a model to a record by output-error least squares, with its uncertainty."""
+"""Fit a model to a record by output-error least squares, and estimate the uncertainty of the model."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ FIRST_TRIED, THEN = ("fopdt", "lags", "sopdt", "ipdt"), ("ifopdt", "sopdtz")
 MODELS = (*FIRST_TRIED, *THEN, "auto")
 SURPLUS = 1.1  # further models are tried if residuals / noise is above this
 WORKING_POINT = 0.15  # assumed relative change of the gain at another working point
-HIGHER = 0.75  # share of the plants whose gain is raised
-# `FitResult.near` of the best model is the deviation up to which other models fit nearly as well. A record is refused
-# if the best identifiable model has residuals larger than UNSETTLED times this deviation.
+HIGHER = 0.75  # probability that the gain of a random plant is raised; otherwise it is lowered
+# A record is refused if the best identifiable model fits much worse than the best model: if its residuals exceed
+# UNSETTLED times `near` of the best model.
 UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
@@ -90,15 +90,16 @@ class Fit:
     def spread(self, count: int = 20, seed: int = 0) -> list[Process]:
         """Return random plants that the record does not rule out.
 
-        The parameters are drawn from their joint uncertainty around several models: the fitted model, and models with a
-        further lag, which in a record resembles a short dead time. Twelve lengths of this lag are tried. Of the lengths
-        that increase the residuals by at most 3 %, the median and the longest are used. If the fitted model has equal
-        lags, "sopdt" models with further lags are used too. Around each model, the least likely 5 % of the plants are
-        left out.
+        The parameters are drawn from their joint uncertainty around several models. One is the fitted model. The others
+        have a further lag, since a record hardly distinguishes a short lag from dead time. Twelve lengths of this lag
+        are tried. Of the lengths that increase the residuals by at most 3 %, the median and the longest are used. If
+        the fitted model has equal lags, "sopdt" models with a further lag are used too. Around each model, the least
+        likely 5 % of the plants are left out.
 
-        A record shows a change of the input only at the next sample. Therefore the dead time of each plant is increased
-        by a random part of the interval between the samples before and after a change. (An input that changes more than
-        60 times is assumed to change exactly at the samples.)
+        A record shows a change of the input only at the next sample, so the true dead time may be longer than the
+        fitted one. Therefore the dead time of each plant is increased by a random part of the interval between the
+        samples before and after a change. (An input that changes more than 60 times is assumed to change exactly at the
+        samples.)
 
         Parameters
         ----------
@@ -147,15 +148,16 @@ class Fit:
                     continue
                 earlier = rng.uniform(0.0, self._data.unseen)
                 plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
-            shrunk *= 0.8  # if parameters are strongly correlated, few draws are below the limit
+            # Few draws are below the limit if parameters are strongly correlated. Then draw closer to the model.
+            shrunk *= 0.8
         return plants
 
     def plants(self, count: int = 21) -> list[Process]:
         """Return the model and random plants for a robust design.
 
-        The random plants are those of `spread`. Their gain is raised by 15 % with a probability of three quarters, and
-        lowered by 15 % otherwise, since a record shows the gain at one working point only. It is raised more often,
-        since the gain found with a sticking valve is too low.
+        The random plants are those of `spread`, with changed gains, since a record shows the gain at one working point
+        only. Each gain is raised by 15 % with a probability of three quarters, and lowered by 15 % otherwise. Raising
+        is more probable, since a sticking valve makes the fitted gain too low.
 
         Parameters
         ----------
@@ -312,13 +314,14 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     Parameters
     ----------
     record : Record
-        Record with an input that moves enough: one step, several steps, or the set-point change of a closed loop.
+        Record with an input that moves enough: in one step, in several steps, or in closed loop after a change of the
+        set point.
     model : {"auto", "fopdt", "sopdt", "lags", "ipdt", "ifopdt", "sopdtz"}, optional
-        "fopdt" has one lag, "sopdt" two poles with damping, "lags" up to eight equal lags, "ipdt" an integrator,
-        "ifopdt" an integrator with a lag, "sopdtz" two poles with a zero. Every model has a dead time. "auto" chooses
-        the simplest identifiable model whose residuals are at most 3 % above those of the best model. Without `load`,
-        it also tries "ifopdt" and "sopdtz" if the best of the other models is not identifiable, or if its residuals are
-        above 1.1 times the noise.
+        "fopdt" has one lag, "sopdt" two poles (real or complex), "lags" two to eight equal lags, "ipdt" an integrator,
+        "ifopdt" an integrator and a lag, and "sopdtz" two poles and a zero. Every model has a dead time. "auto" chooses
+        the simplest identifiable model whose residuals are at most 3 % above those of the best identifiable model.
+        Without `load`, "auto" also tries "ifopdt" and "sopdtz" if the best of the other models is not identifiable, or
+        if the residuals of this model are above 1.1 times the noise.
     load : bool, optional
         If true, also fit size and time of a step of the load. This allows records of a loop at a constant set point.
 
@@ -368,8 +371,8 @@ def fit(record: Record, model: str = "auto", *, load: bool = False) -> Fit:
     if not tried:
         raise ValueError(f"{failed}; make a larger step of the input, from rest")
     first = min(tried, key=lambda candidate: candidate.cost)
-    # Many models and times of the load are tried, so the best combination explains some noise by chance. Require
-    # that it explains enough of the output.
+    # Many models and times of the load are tried, so the best combination explains some noise by chance. Therefore
+    # require that this combination explains enough of the output.
     if load and unexplained(data, first):
         raise ValueError(DRIFTS)
     settled = [candidate for candidate in tried if not unsettled(data, candidate)]

@@ -18,7 +18,7 @@ from pidalab.plant.record import Record
 from pidalab.process import Process, fopdt, ipdt, lags, sopdt
 
 MOST_LAGS = 8
-TABLE = 4001  # number of times at which the response of a model with a further lag is tabulated
+TABLE = 4001  # number of points in the table from which `behind_lag` interpolates
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Shape:
     process : callable
         Function of gain, shape parameters and dead time that returns the Process.
     signed : int
-        Number of parameters at the end of the list that may be negative.
+        Number of parameters, at the end of `parameters`, that may be negative.
     """
 
     name: str
@@ -51,7 +51,8 @@ def _second_order(t: Array, p: Sequence[float]) -> Array:
     tau, damping, zero = (*p, 0.0)[:3]
     x = np.maximum(t, 0.0) / tau
     apart = damping**2 - 1.0
-    # `half` is half the distance between the poles, imaginary if they are complex. Separate a double pole slightly.
+    # `half` is half the distance between the poles, times tau. It is imaginary if the poles are complex. Separate a
+    # double pole slightly, since the formula divides by `half`.
     half = np.emath.sqrt(apart) if abs(apart) > 1e-10 else 1e-5
     slow = damping - half
     late, early = np.exp(-slow * x), np.exp(-(damping + half) * x)
@@ -73,7 +74,7 @@ def behind_lag(shape: Shape, lag: float) -> Shape:
     """Return a shape with a further lag of fixed time constant in series.
 
     The response of the shape is tabulated and interpolated linearly. The recursion of the lag is exact for an input
-    that is linear between its samples.
+    that is linear between the tabulated times.
     """
 
     def step(t: Array, p: Sequence[float]) -> Array:
@@ -123,15 +124,16 @@ SHAPES["lags"] = [equal_lags(order) for order in range(2, MOST_LAGS + 1)]
 
 MOST_CHANGES = 60  # a record with more changes of the input is resampled to a uniform grid
 MOST_SAMPLES = 4000  # in a longer record, neighbouring samples are averaged
-SUMMED_SAMPLES = 1000  # up to this number of samples, a sum of products is faster than Fourier transforms
+SUMMED_SAMPLES = 1000  # up to this number of samples, direct convolution is faster than Fourier transforms
 BETTER = 0.03  # a simpler model is preferred if its residuals are larger by at most this share
 NONE = 1e-3  # a dead time shorter than this share of a sampling interval is set to 0
 LEVEL = 1  # index in `FitResult.values` of the level, a constant that is added to the output
 DESCENTS = 6  # number of descents from different starts
-# A descent ends when relative changes are below SKETCHED. The best descent is then continued to FINISHED.
+# Each descent ends when its relative changes are below SKETCHED. Then the best descent is continued until its relative
+# changes are below FINISHED.
 SKETCHED, FINISHED = 1e-6, 1e-12
 MOST_DAMPED = 20.0  # with more damping a second-order model is practically a first-order model
-LOADS = 46  # number of times at which a step of the load is tried
+LOADS = 46  # a step of the load is tried at this number of points in time
 HIDDEN = np.geomspace(0.01, 0.5, 12)  # further lags to try, as shares of the sum of lags and dead time
 # Start values of the parameters of a shape, as functions of the response time of the plant.
 STARTS: dict[str, Callable[[float], list[list[float]]]] = {
@@ -172,7 +174,10 @@ class FitData(NamedTuple):
         return shape.step(elapsed.ravel(), p).reshape(elapsed.shape) @ self.changes
 
     def basis(self, shape: Shape, p: Sequence[float]) -> Array:
-        """Return the columns of the linear parameters: gain, level, free initial state (1 or 2 columns) and load."""
+        """Return the simulated output for a unit value of each linear parameter, as columns.
+
+        The linear parameters are gain, level, free initial state (1 or 2 columns) and load.
+        """
         columns = [self.simulated(shape, p[:-1], p[-1]), np.ones(self.t.size)]
         if self.free:
             settling = shape.step(self.t - self.t[0], p[:-1])
@@ -207,7 +212,7 @@ def prepared(record: Record) -> FitData:
     unseen = float(np.mean(intervals[changed]))
     moments, changes = t[changed], moved[changed]
     if t.size > MOST_SAMPLES:
-        # Averaging reduces noise, and the response is almost straight within so short a time.
+        # Averaging reduces noise, and the response is almost a straight line over the few samples of an average.
         parts = np.array_split(np.arange(t.size), MOST_SAMPLES)
         t, y = (np.array([x[part].mean() for part in parts]) for x in (t, y))
     return FitData(t, y, changes, moments, unseen, 0.0, free)
@@ -235,7 +240,7 @@ class FitResult(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Another model counts as equally good if the root mean square of its residuals is at most this."""
+        """Largest root mean square of the residuals with which another model counts as equally good."""
         return self.deviation * (1 + BETTER) + 1e-9 * float(np.ptp(self.jacobian[:, 0] * self.values[0]))
 
 
@@ -353,9 +358,9 @@ def loaded(data: FitData) -> FitData:
 
 
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return models with a further lag that the record does not rule out.
+    """Return models with a further lag that fit the record nearly as well.
 
-    If the fitted model has equal lags, also add lags to a second-order model, whose response is almost the same.
+    If the fitted model has equal lags, also add a further lag to a second-order model. Its response is almost the same.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)
@@ -367,11 +372,11 @@ def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
 def _hidden(data: FitData, result: FitResult, span: float, near: float) -> list[tuple[Shape, Array]]:
     """Return models with a further lag. Of the lags with which the model still fits, use the median and the longest."""
     *times, delay = result.values[2:].tolist()
-    # `whole` is at least one sample, since an integrator without dead time can hide a lag of one sample.
+    # `whole` is at least one sampling interval, since an integrator without dead time can hide a lag of this length.
     whole = max(sum(map(abs, times)) + delay, float(np.median(np.diff(data.t))))
     hidden = []
     for lag in whole * HIDDEN:
-        # Start with a dead time of `delay - lag`.
+        # A further lag resembles a dead time, so start with a dead time that is shorter by `lag`.
         rival = refined(data, behind_lag(result.shape, lag), [*times, max(delay - lag, 0.0)], span)
         if rival.deviation <= near:
             hidden.append((rival.shape, np.delete(rival.values, LEVEL)))

@@ -18,9 +18,9 @@ from pidalab.plant.record.cleaning import MOVING, Step, column
 from pidalab.plant.record.reading import read_columns
 
 LONG_INTERVAL = 5.0  # a sampling interval longer than this number of median intervals is a gap
-FEW_LEVELS = 20  # a doubt is given if y has at most this number of levels
+FEW_LEVELS = 20  # a doubt is given if y has at most this number of different values
 LONG = 0.1  # a doubt is given if a moving input stays at its largest or least value for more than this share of samples
-SAME_PERIOD = 0.01  # largest relative difference between `period` and the sampling interval of the file
+SAME_PERIOD = 0.01  # largest accepted relative difference between `period` and the file's sampling interval
 TIMES = re.compile(r"\W*(t|time|zeit|sec|seconds|min|clock|date|stamp|timestamp)(?![a-z])", re.IGNORECASE)
 RAMP_SAMPLES = 5  # a doubt is given if the input takes more samples than this to change between two levels
 
@@ -49,13 +49,13 @@ class Noise(NamedTuple):
 class Record:
     """Times, input and output of a plant. The data are cleaned, and `doubts` says how.
 
-    Samples with a missing value are left out, times are sorted, outputs of the same time are averaged, and a time
-    counter that restarts is continued. Nothing is smoothed or resampled.
+    Samples with a missing value are left out, and times are sorted. If several samples have the same time, their
+    outputs are averaged. A time counter that restarts is continued. Nothing is smoothed or resampled.
 
     Parameters
     ----------
     t : array_like, shape (n,)
-        Times in any order and not necessarily uniform. All results are in this unit of time.
+        Times in any unit and order, not necessarily at uniform intervals. All results are in the same unit of time.
     u : array_like, shape (n,)
         Input of the plant (such as a valve or heater), held from each sample to the next.
     y : array_like, shape (n,)
@@ -64,8 +64,9 @@ class Record:
         Input at which the plant was at rest before the record. Give it if the record begins with the step. By default
         it is the input of the earliest sample.
     outliers : {"drop", "keep"}, optional
-        Treatment of outliers: outputs that are far from their neighbours, or that suddenly repeat exactly one value,
-        as at the end of a sensor's range. By default a doubt lists them, and `identification.fit` refuses the record.
+        Treatment of outliers. These are outputs that are far from their neighbours, or that suddenly stay at exactly
+        one value, as at the end of a sensor's range. "drop" leaves these samples out. "keep" uses them. By default a
+        doubt lists them, and `identification.fit` refuses the record.
     rows : array_like, shape (n,), optional
         Row numbers of the samples in their file, which doubts and errors name.
 
@@ -189,11 +190,12 @@ class Record:
             The file.
         time, u, y : str or int, optional
             Names in the header, or column numbers, counted from 0. By default the columns named "time", "u" and "y",
-            or else the first three. Times may be numbers. Dates and times of day are converted to seconds.
+            or else the first three. Times may be numbers, dates or times of day. Dates and times of day are converted
+            to seconds.
         delimiter : str, optional
             Text between the columns. By default it is detected.
         period : float, optional
-            Time between samples, for a file without times.
+            For a file without times: time between its rows, in any unit. All results are in this unit of time.
         skip : int, optional
             Lines to leave out at the beginning of the file.
         u_before, outliers : optional
@@ -302,7 +304,7 @@ class Record:
         return h * np.arange(grid.size, dtype=float), u, y
 
     def after_step(self) -> tuple[Array, Array]:
-        """Return times from the step on, and the output, scaled to the response to a unit step from rest.
+        """Return times since the step, and the output as the response to a unit step from rest.
 
         Returns
         -------
@@ -393,7 +395,7 @@ class Record:
 
 
 def _compared(period: float, taken: tuple[int, ...], *source: Any) -> list[str]:
-    """Raise if `period` contradicts the times of the file. Return a doubt if their column has sample numbers."""
+    """Raise if `period` contradicts the times of the file. Return a doubt if the column of times has sample numbers."""
     try:
         clock = read_columns(*source)
     except ValueError:

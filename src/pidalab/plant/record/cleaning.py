@@ -15,8 +15,8 @@ from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
 FEWEST = 20  # least number of samples for a conclusion
-# The time may be a counter that restarts, such as the seconds of a minute. The samples before and after a restart are
-# at most this number of median intervals apart.
+# The time may be a counter that restarts, such as the seconds of a minute. This is assumed only if, with the counter
+# continued, the samples before and after each restart are at most this number of median intervals apart.
 LONGEST_WRAP = 10
 # A new run may begin where the time goes back by more than this number of median intervals. Where it goes back by less,
 # the samples are only out of order.
@@ -25,7 +25,7 @@ OVERLAP = 3
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
 # An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
-# A and B are movements of the output before a standstill: A in the last BEFORE samples, B in the last JUST_BEFORE.
+# Before a standstill, the output moves by A in the last BEFORE sampling intervals, and by B in the last JUST_BEFORE.
 BEFORE, JUST_BEFORE = 10, 3
 SLOWED = 0.1  # if B / A is at most this, the plant itself came to rest
 # A standstill is reported only if A exceeds both MANY_STEPS rounding steps and LITTLE times the span of the output.
@@ -56,8 +56,8 @@ def cleaned(
 ) -> tuple[Array, Array, Array, float, Places]:
     """Leave out missing values, sort by time, and merge samples of the same time.
 
-    Outputs of the same time are averaged, and the last input of that time is used. Return times, inputs, outputs, the
-    earliest input, and the index of the first sample at each time.
+    Of samples with the same time, the outputs are averaged and the last input is used. Return times, inputs, outputs,
+    the input of the earliest sample, and the index of the first sample at each time.
     """
     finite = [np.isfinite(column) for column in (t, u, y)]
     usable = np.all(finite, axis=0)
@@ -118,7 +118,7 @@ def _clock(t: Array, where: Sequence[str], doubts: list[str]) -> Array:
 
 
 def run_starts(t: Array) -> list[int]:
-    """Return the first sample of each run.
+    """Return the index of the first sample of each run.
 
     A run has at least `FEWEST` samples, and begins where the time goes back by more than `OVERLAP` median intervals.
     """
@@ -134,7 +134,7 @@ def run_starts(t: Array) -> list[int]:
 
 
 def refuse_no_input(t: Array, u: Array, y: Array, ramp: bool) -> None:
-    """Raise if the input copies the output. If `ramp` is false, also raise if the input is a clock or a counter."""
+    """Raise if the input is a copy of the output or, unless `ramp` allows ramps, a clock or a counter."""
     if np.ptp(u) == 0 or np.ptp(y) == 0 or np.ptp(t) == 0:
         return
     remedy = "name the column of the plant's input (--u); without the input no model can be fitted"
@@ -289,7 +289,7 @@ def name_experiment(steps: tuple[Step, ...], t: Array, u: Array, y: Array) -> st
     if peak > 2 and power[peak - 2 : peak + 3].sum() > 0.9 * power.sum():
         return "a sine"
     # At a constant set point, a controller computes the input from the present output and its integral. In open loop,
-    # the input is better explained by later outputs than by present outputs.
+    # the output follows the input, so later outputs explain the input better than present outputs.
     integral = np.append(0.0, np.cumsum(np.diff(t) * 0.5 * (y[1:] + y[:-1] - 2 * y[0])))
     scaled = np.column_stack([y / np.ptp(y), integral / (np.ptp(integral) or 1.0)])
 

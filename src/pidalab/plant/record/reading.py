@@ -25,7 +25,7 @@ GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # commas separate t
 BLANKS = re.compile(r"[-+]?[1-9]\d{0,2}([ '\u00a0\u202f]\d{3})+([.,]\d*)?")  # blanks separate thousands
 # In a number with a decimal comma, points may only separate thousands.
 WITH_COMMA = re.compile(r"[^.]*|[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-# A per cent or degree sign after a number. The pattern has no blanks before the sign: they would make it slow.
+# A per cent or degree sign after a number. The pattern leaves out blanks before the sign, since matching them is slow.
 SIGN = re.compile(r"(%|°\s{0,9}[CF]?)$")
 
 DELIMITERS = (";", "\t", ",", "|", r"\s+")
@@ -33,25 +33,26 @@ DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y",
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
 DAY = 86400.0  # seconds
-# Times above 1e8 s (the year 1973) are assumed to count from 1970, in one of these units.
+# Units of time, and their number in a second. Times are assumed to count from 1970 in one of these units if they are
+# then above 1e8 s (the year 1973).
 EPOCHS = {"nanoseconds": 1e9, "microseconds": 1e6, "milliseconds": 1e3, "s": 1.0}
 UNIT = re.compile(
     r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
     re.IGNORECASE,
 )
 QUOTED = 60  # largest number of characters of the file that a message quotes
-SAMPLE = 50  # number of lines from which the format is detected, and of column names in a message
-LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # largest number of characters in a row, and of columns
+SAMPLE = 50  # the format is detected from this number of lines; a message lists at most so many column names
+LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # most characters in a row, and most columns in a file
 
 
-PLACES = {"time": 0, "u": 1, "y": 2}  # default columns, if the header has no such names
+PLACES = {"time": 0, "u": 1, "y": 2}  # columns for roles that the header does not name, or names several times
 
 
 class Columns(NamedTuple):
     """Columns of a file as numbers, with nan for missing values.
 
-    `rows` are the row numbers in the file, and `places` are the column numbers from 0. `time_unit` and `date` (of the
-    first sample) are empty if unknown.
+    `rows` are the row numbers in the file, from 1, and `places` are the column numbers, from 0. `date` is the date of
+    the first sample. `time_unit` and `date` are empty if unknown.
     """
 
     values: tuple[Array, ...]
@@ -74,8 +75,8 @@ def read_columns(
         The file in UTF-8 or UTF-16, with or without a byte order mark, or in Latin-1.
     wanted : mapping of str to str, int or None
         The keys are the roles "time", "u" and "y". Each value is the name of a column in the header, or its number from
-        0. If the value is None, the column named like the role is used. If there is no such column, column 0 (time),
-        1 (u) or 2 (y) is used, and a doubt says so if the file has more than three columns.
+        0. If the value is None, the column named like the role is used. If no column or several columns have this name,
+        column 0 (time), 1 (u) or 2 (y) is used, and a doubt says so if the file has more than three columns.
     delimiter : str or None
         Text between the columns. A text of several characters is a regular expression. If None, the delimiter is
         detected.
@@ -89,7 +90,8 @@ def read_columns(
     Raises
     ------
     ValueError
-        If the file has no such columns, or if an entry is neither a number nor a word for a missing value.
+        If the file is empty or is not a table, if a wanted column is missing, or if an entry is neither a number nor a
+        word for a missing value.
     """
     try:
         re.compile(delimiter or "")
@@ -175,7 +177,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _split(line: str, mark: str) -> list[str]:
-    """Return the entries of a line without surrounding blanks. An unclosed quote ends with its line."""
+    """Return the entries of a line without surrounding blanks. A quote that is not closed ends with the line."""
     if mark == r"\s+":
         line = line.strip()
         # Remove brackets only at the ends of a line, where an exported matrix has them.
@@ -189,7 +191,7 @@ def _split(line: str, mark: str) -> list[str]:
 
 
 def bare(entry: str) -> str:
-    """Return an entry without blanks, brackets, and signs of per cent or degrees."""
+    """Remove blanks, brackets and quotes around an entry, and a per cent or degree sign at its end."""
     return SIGN.sub("", entry.strip(BRACKETS)).rstrip()
 
 
@@ -224,7 +226,7 @@ def is_value(entry: str) -> bool:
 
 
 def _numbers(entries: Sequence[str], comma: bool) -> tuple[Array, Array]:
-    """Convert entries to numbers, with nan for missing values. Mark all other entries."""
+    """Convert entries to numbers, with nan for missing values. Also mark the entries that are neither."""
     values = np.array([number(entry, comma) for entry in entries], dtype=float)
     wrong = [
         math.isnan(value) and bare(x).lower() not in MISSING for x, value in zip(entries, values, strict=True)
@@ -255,7 +257,7 @@ def _header(
         if len(columns) > 1 and 2 * len(filled) > len(columns) and all(map(is_value, filled)):
             pairs = zip(lines, rows[:index], strict=False)
             above = [_names(line, row, len(columns), mark) for line, row in pairs if any(row)]
-            # A row of units may stand between the names and the data.
+            # A row of units may stand between the names and the data. Use the last row that has all wanted names.
             asked = [name for name in wanted if isinstance(name, str)]
             named = [names for names in above if all(_places(name, names) for name in asked)]
             return next(iter(reversed(named or above)), []), index
@@ -272,7 +274,7 @@ def _names(line: str, row: Sequence[str], count: int, mark: str) -> list[str]:
 
 
 def _place(role: str, name: str | int | None, header: Sequence[str], path: Path) -> int:
-    """Return the number of a column, given its number, its name or its role."""
+    """Find a column by its number or name, or by its role if `name` is None. Return its number."""
     places = [name] if isinstance(name, int) else _places(name or role, header)
     if name is None and len(places) != 1:
         places = [name := PLACES[role]]
@@ -285,14 +287,14 @@ def _place(role: str, name: str | int | None, header: Sequence[str], path: Path)
 
 
 def _places(name: str, header: Sequence[str]) -> list[int]:
-    """Return the columns with exactly this name. If there are none, return those with this name and a unit."""
+    """Return the columns with exactly this name. If there are none, ignore case and units in brackets."""
     bare_names = [re.split(r"[\[(]", known)[0].strip().lower() for known in header]
     exact = [k for k, known in enumerate(header) if known == name]
     return exact or [k for k, known in enumerate(bare_names) if known == name.lower()]
 
 
 def _has_decimal_commas(columns: Sequence[Sequence[str]]) -> bool:
-    """Return True if some numbers have commas and none has a decimal point. Dates do not count."""
+    """Return True if some numbers have commas and none has a decimal point. Ignore dates."""
     entries = [bare(x) for column in columns for x in column[:200]]
     entries = [entry for entry in entries if not math.isnan(_either(entry))]
     pointed = any("." in entry and not GROUPED.fullmatch(entry.replace(".", ",")) for entry in entries)
@@ -328,7 +330,7 @@ def _stamps(
     """Convert dates or times of day to seconds since the earliest. Return the seconds, their unit, and the first date.
 
     The format that reads the most entries is used. If several formats read equally many, the format with the smallest
-    span of time is used. This finds the order of day and month in a record that runs past midnight.
+    span of time is used. In a record that runs past midnight, the wrong order of day and month gives a longer span.
     """
     import pandas as pd
 
