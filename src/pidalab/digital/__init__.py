@@ -1,4 +1,4 @@
-"""Digital controllers: difference equations that run in Python, control simulated loops, and are written as code.
+"""Digital controllers: difference equations that run in Python, control simulated loops and can be written as code.
 
 ``controller.discretise`` creates a digital controller. This package does not depend on continuous controllers.
 """

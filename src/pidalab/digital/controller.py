@@ -30,11 +30,12 @@ class DigitalController(Parameters):
     .. math:: u_k = \operatorname{sat}(\mathrm{bias} + p_k + i_k), \qquad
               i_k = i_{k-1} + \gamma_0\,\varepsilon_k + \gamma_1\,\varepsilon_{k-1},
 
-    where p is the sum of the outputs of the paths and :math:`\varepsilon` the error. With automatic reset,
+    where p is the sum of the outputs of the paths and :math:`\varepsilon` the error. A feedforward signal, if any, is
+    added to the argument of sat. With automatic reset,
 
     .. math:: i_k = i_{k-1} + \gamma_0\,p_k + \gamma_1\,(u_{k-1} - \mathrm{bias} - f_{k-1} - i_{k-1}),
 
-    where f is the feedforward signal, if any.
+    where f is the feedforward signal.
 
     In manual mode the control signal is the given value, and the integral tracks this value. ``step`` stores its states
     in the object; simulations do not change these states.
@@ -54,8 +55,8 @@ class DigitalController(Parameters):
     growth : tuple of float
         :math:`\gamma_0, \gamma_1`.
     back_calculation_gain, tracking_gain : float
-        Gains of two differences that correct the integral. The first is the limited minus the unlimited control signal,
-        and the second is the tracked signal minus the control signal.
+        Gains of two corrections of the integral. `back_calculation_gain` multiplies the limited minus the unlimited
+        control signal. `tracking_gain` multiplies the tracked signal minus the control signal.
     anti_windup : str or None
         Treatment of the integral while the control signal is at a limit.
     weights : tuple of float
@@ -115,15 +116,16 @@ class DigitalController(Parameters):
         PART_1_WEIGHT               set-point weight of the first path
         PART_1_NEW, PART_1_OLD      coefficients of the present and the previous input in each lag
                                     (PART_1_NEW_2 in the second lag, if the lags differ)
-        PART_1_GAIN_k               gain on the k-th difference of this path
-        INTEGRAL_NEW, INTEGRAL_OLD  gains from the present and the previous error to the integral
+        PART_1_GAIN_k               gain on the k-th difference of the states of this path
+        INTEGRAL_NEW, INTEGRAL_OLD  gains of the integral, the two numbers in `growth`
         BACK_CALCULATION_GAIN       gain from (limited - unlimited control signal) to the integral
         TRACKING_GAIN               gain from (tracked signal - u) to the integral
         BIAS, Y_OFFSET              working point
         LOWEST, HIGHEST             limits of the control signal
         LARGEST_CHANGE              largest change of the control signal from one sample to the next
         DEADBAND                    largest error that counts as zero
-        PREFILTER_MOVE_i_j          gain from (state j - r) to the change of prefilter state i in a sample
+        PREFILTER_MOVE_i_j          gain from (state j - v) to the change of prefilter state i in a sample, where v
+                                    is r (backward), the mean of the last two r (tustin) or the previous r (zoh)
         PREFILTER_OUT_i             gain from (state i - r) to the filtered set point
         LARGEST_SIGNAL              size of an input above which the sample is skipped
         LARGEST_GAIN                size of a variable gain above which the sample is skipped
@@ -165,7 +167,7 @@ class DigitalController(Parameters):
         return vars(self._started(self.y_offset, self.y_offset, self.bias))
 
     def reset(self, r: float | None = None, y: float | None = None, u: float | None = None) -> None:
-        """Restart at rest, with the given r and y or with those of the next call of ``step``.
+        """Restart at rest at the given r and y, or at the r and y of the next call of ``step``.
 
         Parameters
         ----------
@@ -247,13 +249,14 @@ class DigitalController(Parameters):
     ) -> float:
         """Advance the controller by one sample, exactly as the written code does.
 
-        The first call starts without a bump: filters and integral are at rest at the given signals, and `bias` is
-        returned. A controller without integral action returns bias + p. To start at rest at the working point, as
-        `pidalab.simulate_sampled` does, call ``reset(r=y_offset, y=y_offset)`` first.
+        The first call starts without a bump: filters and integral are at rest at the given signals, and the call
+        returns `bias`. Without integral action the first call returns bias + p. To start at rest at the working point,
+        as `pidalab.simulate_sampled` does, call ``reset(r=y_offset, y=y_offset)`` first.
 
         A sample with a signal that is NaN, infinite or beyond 1e9 in size is skipped, and ``fault`` is True. Filters
-        and integral keep their values. The step returns a valid `manual` or, without one, the last control signal. The
-        next valid sample continues from there.
+        and integral keep their values. The step returns `manual` if it is given and valid, and otherwise the last
+        control signal. The next valid sample continues with the kept values. After a skipped sample with a valid
+        `manual`, the integral first follows this signal, so that there is no bump.
 
         Parameters
         ----------
@@ -422,7 +425,7 @@ class DigitalController(Parameters):
         Returns
         -------
         str
-            A module with a class and a ``selftest``.
+            A module with a class and a function ``selftest``.
 
         Raises
         ------

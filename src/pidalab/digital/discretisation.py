@@ -50,22 +50,23 @@ def discretise(
     =========  ===========================================  ==========================================================
 
     ==================  ==============================================================================================
-    anti-windup         the integral while the control signal is at a limit of its range or rate
+    anti-windup         what happens to the integral at a limit of the range or rate of the control signal
     ==================  ==============================================================================================
     reset               For a `SeriesPIDA` with b = c = 1, the integral is the limited signal, filtered by a lag of time
                         constant :math:`t_i` (huba2024, Fig. 1, eqs. (3), (8)). For other controllers,
                         back-calculation is used with the integral time as tracking time.
     back-calculation    The integral is reduced by :math:`h/(T_t + h)` times the excess of the signal over the limit.
                         :math:`T_t` is the tracking time.
-    clamping            The integral grows until the signal reaches the limit. It stops while growth would drive the
-                        signal beyond the limit.
-    None                The integral continues.
+    clamping            An increment of the integral that would drive the signal beyond the limit is reduced, so that
+                        the signal just reaches the limit. If the signal is beyond the limit without the increment, the
+                        integral stays constant.
+    None                The integral is computed as if there were no limit.
     ==================  ==============================================================================================
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
     without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave the
-    limit late. *Back-calculation* with a short `tracking_time` leaves a limit early. With all three methods, the
-    controller always leaves the limit. Use None only for actuators without limits.
+    limit late. With *back-calculation* and a short `tracking_time`, u leaves a limit early. With none of the three
+    methods does u remain locked at a limit. Use None only for actuators without limits.
 
     Parameters
     ----------
@@ -86,8 +87,8 @@ def discretise(
         As in the table. "none" means None.
     tracking_time : float, optional
         Tracking time of back-calculation, above 0. By default it is the geometric mean of integral and derivative time,
-        or the integral time if there is no derivative. For integral action alone it is 0, so the integral stays at the
-        limit.
+        or the integral time if there is no derivative. For integral action alone it is 0, so the integral takes the
+        value at which u is at the limit.
     deadband : float, optional
         Errors up to this size count as zero, and larger errors are reduced by this size. At least 0, in units of y.
     bias : float, optional
@@ -100,11 +101,11 @@ def discretise(
     output_filter : OutputFilter or control.TransferFunction, optional
         Equal lags of gain 1 that filter the control signal. They become a part of the controller.
     feedforward : bool, optional
-        True if ``step`` and the written code have a further input. It is added to the control signal, which is then
-        limited.
+        True if ``step`` and the written code have a further input, which is added to the control signal before the
+        limits.
     tunable : bool, optional
-        True if the gains may change without a bump while the controller runs. The gains are variables in the written
-        code. In Python, ``retune`` changes them.
+        True if the gains may change without a bump while the controller runs. Then the gains are variables in the
+        written code, and ``retune`` changes them in Python.
     reset : tuple of FilteredGains and float, optional
         For an automatic reset: the controller without the reset, and the time constant of the reset.
     source : str, optional
@@ -227,7 +228,7 @@ def _reset_growth(h: float, ti: float, method: str) -> tuple[tuple[float, float]
 def _back_calculation_gain(
     parts: tuple[FilteredGains, ...], h: float, way: str | None, time: float | None
 ) -> float:
-    """Return (correction of the integral) / (part of the control signal that a limit cut off)."""
+    """Return the correction of the integral, divided by the part of the control signal that a limit cuts off."""
     if way in (None, "clamping"):
         return 0.0
     if time is None:

@@ -3,16 +3,17 @@ r"""Filters as difference equations: chains of discrete lags, and a prefilter of
 With each method, every lag :math:`q(s) = 1/(1 + T_F s)` of a filter becomes a discrete lag of static gain 1,
 
 .. math:: x_k = x_{k-1} + g_0\,(v_k - x_{k-1}) + g_1\,(v_{k-1} - x_{k-1}), \qquad
-          q(z) = \frac{g_0 z + g_1}{z - 1 + g_0 + g_1}.
+          q(z) = \frac{g_0 z + g_1}{z - 1 + g_0 + g_1},
 
-In this form the static gain is exact even in single precision. Derivatives are differences of the states along a chain
-of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
+where v is the input of the lag and x its state. In this form the static gain is exact even in single precision.
+Derivatives are differences of the states along a chain of lags. Since :math:`s = (1 - q)/(T_F q)`, n equal lags give
 
 .. math:: \frac{K_j s^j}{(1 + T_F s)^n} = \frac{K_j}{T_F^j}\,q^{n-j} (1 - q)^j,
 
 which is the j-th difference of the last j + 1 states. Lags with different time constants also form one chain. The j-th
 derivative then also needs gains on differences of orders below j. These formulas apply to the methods *backward* and
-*tustin*, which substitute an expression for s. The method *zoh*, exact for a held input, uses other gains.
+*tustin*, which substitute an expression for s. The method *zoh*, exact for a held input, uses other gains. In the
+table, h is the sample time.
 
 =========  =======================  =====================  =======================================
 method     :math:`g_0`              :math:`g_1`            increment of the integral of e in a sample
@@ -25,7 +26,8 @@ zoh        0                        1 - exp(-h/T_F)        :math:`h\,e_{k-1}`
 *Prefilter.* Let :math:`\tau` be the geometric mean of the time constants of the prefilter, and :math:`p = 1 + \tau s`.
 The denominator is written as a polynomial of p, and the states are
 :math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)` for i < n. At rest all states equal the set point r, so
-:math:`\dot x = A (x - r)`. Each method moves the states in proportion to their distances from a target :math:`v_k`,
+:math:`\dot x = A (x - r)` with a constant matrix A. Each method moves the states in proportion to their distances from
+a target :math:`v_k`,
 
 .. math:: x_k = x_{k-1} + M\,(x_{k-1} - v_k), \qquad v_k = g_0\,r_k + g_1\,r_{k-1},
 
@@ -308,7 +310,8 @@ class Prefilter(NamedTuple):
         move, out = np.array(self.move), np.array(self.out)
         driven = 1 + self.new * move.sum(axis=1)
         for where, less_one in np.ndenumerate(np.asarray(z) - 1.0):
-            # The distances from the set point solve (z - 1 - M)(x - r) = -(z - 1)(1 + new M 1) r.
+            # The distances x - r from the set point solve (z - 1 - M)(x - r) = -(z - 1)(e + new M e) r, where every
+            # element of the vector e is 1.
             result[where] -= less_one * (out @ np.linalg.solve(less_one * np.eye(n) - move, driven))
         return result[()]
 

@@ -1,4 +1,4 @@
-"""Print the statements of a step in a programming language. The Python form can also be run at once.
+"""Print the step of a digital controller as statements of a programming language. The Python form can also be run.
 
 The other languages, and the files that contain a step, are in `pidalab.plant.code`.
 """

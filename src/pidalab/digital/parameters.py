@@ -26,7 +26,7 @@ SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 b
 class Parameters:
     """Fields of a `DigitalController`, which documents them.
 
-    Every field is checked before it reaches code that is written or run.
+    Every field is checked before it is used in written or executed code.
     """
 
     sample_time: float
@@ -59,7 +59,9 @@ class Parameters:
         if not isinstance(self.source, str):
             raise TypeError(f"source must be a text, found {type(self.source).__name__}")
         if not isinstance(self.paths, tuple) or len(self.paths) > MOST_PATHS:
-            raise TypeError(f"paths must be at most {MOST_PATHS} FilterChain, found {self.paths!r:.60}")
+            raise TypeError(
+                f"paths must be a tuple of at most {MOST_PATHS} FilterChain, found {self.paths!r:.60}"
+            )
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
         if (lags := sum(path.order for path in checked["paths"])) > MOST_CODE_LAGS:
             raise ValueError(f"paths must have at most {MOST_CODE_LAGS} lags together, found {lags}")
@@ -77,10 +79,17 @@ class Parameters:
             raise ValueError("without integral action, growth must be (0, 0) and from_signal False")
         new, old = METHOD_WEIGHTS[self.method]
         shares = [("growth", self.growth)]
-        shares += [("lags", pair) for path in self.paths for pair in zip(path.new, path.old, strict=True)]
+        shares += [
+            ("(new, old) of a lag", pair)
+            for path in self.paths
+            for pair in zip(path.new, path.old, strict=True)
+        ]
         for what, (now, before) in shares:
             if (now and not new) or (before and not old) or (new == old and now != before):
-                raise ValueError(f"{what} must fit method {self.method!r}, found {(now, before)}")
+                raise ValueError(
+                    f"{what} must have the form (x, 0) with method 'backward', (x, x) with 'tustin' or (0, x) with "
+                    f"'zoh', found {(now, before)} with {self.method!r}"
+                )
         if self.tunable:
             largest = max([*map(abs, self.growth), *(abs(g) for p in self.paths for g in p.gains)])
             if largest > LARGEST_PARAMETER:
@@ -126,7 +135,10 @@ def _path(name: str, path: Any) -> FilterChain:
         raise TypeError(f"{name} must be a FilterChain, found {type(path).__name__}")
     plain = isinstance(path.name, str) and re.fullmatch(r"[a-z](_?[a-z0-9])*", path.name)
     if not plain or len(path.name) > 60:
-        raise ValueError(f"{name}.name must be an identifier of small letters, found {path.name!r:.60}")
+        raise ValueError(
+            f"{name}.name must be an identifier of small letters, digits and single underscores that begins with a "
+            f"letter and has at most 60 characters, found {path.name!r:.60}"
+        )
     parts = {}
     for part in ("new", "old", "gains"):
         values = getattr(path, part)

@@ -127,8 +127,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    If `block` is true, code outside the program computes `summed`, the sum of the outputs of all chains, from the
-    error. The program is cached and shared, so do not change it.
+    If `block` is true, the controller has no paths, and the caller computes `summed`, the sum of the outputs of all
+    chains. The program is cached and shared, so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}
@@ -284,7 +284,7 @@ def _kept(k: Parameters, named: dict[str, float]) -> list[Statement]:
         ]
     if k.anti_windup != "clamping" or not k.limited:
         return keep
-    # Only reduce the increment: an integral that is stopped could remain locked.
+    # Reduce the increment instead of stopping the integral, since a stopped integral could remain locked.
     grown_less = [Set("integral_part", "integral_part + room"), Set("carry", "0.0")]
     again = [_wanted(named, "integral_part"), *_limited(named)]
     clamped: list[Statement] = [

@@ -59,7 +59,8 @@ GRID_STEPS = 60  # largest number of grid steps that are divided at a time
 TOLERANCE = 1e-6  # a criterion certainly holds if its margin is above this value
 LARGEST_MULTIPLIER = 1e3  # (largest multiplier without a reset) / (longest time constant or dead time)
 BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
-MARGIN_RTOL = 1e-9  # the search for a multiplier ends if it can raise the margin by at most this relative amount
+# The search for a multiplier ends if it can raise the margin by at most this relative amount.
+MARGIN_RTOL = 1e-9
 # Largest number of multipliers that are tried, and largest (next multiplier) / (largest multiplier so far).
 MOST_MULTIPLIERS, FURTHER = 60, 4.0
 
