@@ -50,7 +50,8 @@ class Record:
     """Times, input and output of a plant. The data are cleaned, and `doubts` says how.
 
     Samples with a missing value are left out, and times are sorted. If several samples have the same time, their
-    outputs are averaged. A time counter that restarts is continued. Nothing is smoothed or resampled.
+    outputs are averaged and the last of their inputs is used. A time counter that restarts is continued. Nothing is
+    smoothed or resampled.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
-FEWEST = 20  # least number of samples for a conclusion
+FEWEST = 20  # with fewer samples, a record is refused, and a check is skipped
 # The time may be a counter that restarts, such as the seconds of a minute. This is assumed only if, with the counter
 # continued, the samples before and after each restart are at most this number of median intervals apart.
 LONGEST_WRAP = 10
@@ -23,7 +23,7 @@ LONGEST_WRAP = 10
 OVERLAP = 3
 # Values at which counters restart.
 COUNTERS = np.sort([60.0, 3600.0, 86400.0, *10.0 ** np.arange(3, 13), 2.0**16, 2.0**32])
-# An output may stand still for max(STILL, STILL_SHARE * number of samples) samples.
+# A standstill of the output is reported only if it is longer than max(STILL, STILL_SHARE * number of samples) samples.
 STILL, STILL_SHARE = 15, 0.05
 # Before a standstill, the output moves by A in the last BEFORE sampling intervals, and by B in the last JUST_BEFORE.
 BEFORE, JUST_BEFORE = 10, 3
