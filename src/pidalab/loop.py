@@ -53,7 +53,8 @@ class Loop:
         The plant with its dead time. A python-control system is taken as a plant without dead time.
     controller : controller, DigitalController, control.TransferFunction or float
         A proper controller, whose input is the filtered set point minus the measurement. If the controller is digital,
-        the loop has no transfer function in s. Use `simulate_sampled`, `noise_gain`, `margins` and `is_stable` with it.
+        the loop has no transfer function in s. For such a loop, use `simulate_sampled`, `noise_gain`, `margins` and
+        `is_stable`.
     output_filter : Process, OutputFilter or control.TransferFunction, optional
         Proper filter without dead time, in series with the controller and inside the loop. By default 1.
     prefilter : Process, OutputFilter or control.TransferFunction, optional
@@ -62,8 +63,9 @@ class Loop:
     Raises
     ------
     TypeError, ValueError
-        If a block is not proper, has several inputs or outputs or is not continuous in time, or if the prefilter is
-        unstable.
+        If a block is not proper, has several inputs or outputs, or is a discrete-time system of python-control. Also if
+        a filter has a dead time, if the prefilter is unstable, or if the process is an `AsymmetricPlant`. A digital
+        controller cannot be combined with an output filter or a second prefilter.
 
     Examples
     --------
@@ -330,7 +332,7 @@ class Loop:
         ----------
         frequencies : array_like, optional
             Rising frequencies in rad per time unit, above 0. The default grid extends the range of corner frequencies
-            of L by a decade on both sides. It ends before the dead time turns the phase by more than 4π.
+            of L by a decade on both sides. The grid ends before the dead time turns the phase by more than 4π.
 
         Returns
         -------
@@ -375,7 +377,7 @@ class Loop:
 
 
 def require_well_posed(loop: Loop) -> None:
-    """Raise if a loop has no solution, because it has no dead time and a direct feedthrough of exactly -1."""
+    """Raise if the equations of a loop have no solution: no dead time, and a direct feedthrough of L of exactly -1."""
     num, den = open_loop(loop)
     if not loop.process.delay and len(num) == len(den) and abs(1 + num[0] / den[0]) < 1e-12:
         raise ValueError("the loop is ill-posed: without dead time, its direct feedthrough is exactly -1")

@@ -20,14 +20,16 @@ class Response(Signals):
     r"""Sampled signals of one experiment on a loop, simulated or recorded.
 
     Between two samples, the control error is the parabola that passes through both end values and has the integral
-    given by `area`. So IE is exact, and IAE, ISE and ITAE include changes of sign between samples.
+    given by `area`. So IE is exact if `area` is exact. IAE, ISE and ITAE are integrals of the same parabolas and
+    include changes of sign between samples.
 
-    Measures of a response from `simulate` are computed on finer grids until they change by less than 2e-4. If this
-    takes too many points and the estimated relative error exceeds 1e-3, a warning is issued. For a record with a given
-    `area`, measures of y and e are compared with measures of every second sample. If the relative difference exceeds
-    3e-3, a warning is issued. Three cases are not tested: a record with noise, a record without `area`, and a measure
-    of u if the record was not simulated. In these cases a sample time of a thirtieth of the shortest time constant
-    usually keeps the error below 1e-3.
+    Measures of a response from `simulate` are computed on finer grids until their relative change is at most 2e-4. If
+    this takes too many points and the estimated relative error exceeds 1e-3, a warning is issued. For other records
+    with a given `area`, measures of y and e are compared with measures of every second sample. If the relative
+    difference exceeds 3e-3, a warning is issued. This comparison needs constant signals r and d and an odd number of
+    samples, at least 20. Three further cases are not tested: a record with noise, a record without `area`, and a
+    measure of u if the record is not from `simulate`. Without a test, a sample time of a thirtieth of the shortest time
+    constant usually keeps the error below 1e-3.
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ class Response(Signals):
     r, d, n : ndarray, shape (k,)
         Set point, load disturbance and measurement noise, each held from its sample to the next.
     y, u : ndarray, shape (k,)
-        Process output and control signal. At a jump, the value just after the jump.
+        Process output and control signal. At a jump, give the value just after the jump.
     area : ndarray, shape (k,), optional
         Running integral of y from t = 0. By default the trapezoidal rule is used.
     held : ndarray, shape (k,), optional
@@ -81,7 +83,8 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the horizon is beyond the record, or if it is infinite and the record has not settled.
+            If the horizon is beyond the record, if it is infinite and the record has not settled, or if no horizon is
+            given and the error diverges.
 
         Examples
         --------
@@ -227,7 +230,8 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the signal name is unknown, or the horizon is beyond the record.
+            If the signal name is unknown, if the horizon is beyond the record, or if no horizon is given and the signal
+            diverges.
 
         Examples
         --------
@@ -262,7 +266,8 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the signal name is unknown, or the horizon is beyond the record.
+            If the signal name is unknown, if the horizon is beyond the record, or if no horizon is given and the signal
+            diverges.
 
         Examples
         --------
@@ -326,12 +331,13 @@ class Response(Signals):
         Parameters
         ----------
         final : float, optional
-            The final value, by default the final set point. For the step response of a process it is the static gain.
+            The final value. By default ``final`` of the response or, if this is None, the final set point. In a
+            response from `open_loop_step`, ``final`` is the static gain of a stable process.
 
         Returns
         -------
         float
-            Overshoot, including extremes between samples.
+            Overshoot in per cent, including extremes between samples.
 
         Raises
         ------
@@ -353,7 +359,7 @@ class Response(Signals):
 
         def missed(record: Response) -> float:
             path = record.y / target
-            # `_top` uses the exact area. It is assumed to miss a quarter of what the samples miss.
+            # `_top` uses the exact area, and is assumed to miss only a quarter of the excess that the samples miss.
             return 25 * _missed_top(path, path) if np.max(path) > 1 else 0.0
 
         return self._settle("overshoot", share, missed=missed, least=1.0)
@@ -416,7 +422,7 @@ class Response(Signals):
         Parameters
         ----------
         final : float, optional
-            The final value, by default the final set point.
+            The final value, as for `overshoot`.
 
         Returns
         -------
@@ -426,7 +432,7 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the final value is 0.
+            If the final value is 0, or if the response diverges.
 
         Examples
         --------
@@ -524,7 +530,7 @@ class Response(Signals):
         low, high : float, optional
             Shares of the final value, ``0 < low < high < 1``.
         final : float, optional
-            The final value, by default the final set point.
+            The final value, as for `overshoot`.
 
         Returns
         -------
@@ -534,7 +540,8 @@ class Response(Signals):
         Raises
         ------
         ValueError
-            If the final value is 0, if y never reaches the high share, or if the shares violate ``0 < low < high < 1``.
+            If the final value is 0, if the response diverges, if y never reaches the high share, or if the shares
+            violate ``0 < low < high < 1``.
 
         Examples
         --------
@@ -569,10 +576,11 @@ class Response(Signals):
         Parameters
         ----------
         band : float, optional
-            Half width, between 0 and 1 (0.02 for 2 %), as a share of the final set point. If the set point ends at 0,
-            the half width is a share of the largest error.
+            Half width of the band as a share of the final value, between 0 and 1 (0.02 for 2 %). If the final value is
+            0, the half width is a share of the largest error.
         final : float, optional
-            Final value that replaces the set point, such as the static gain for the step response of a process.
+            Final value, as for `overshoot`. If `final` is given or the response has a ``final``, the error is the final
+            value minus y. Otherwise the error is r - y.
 
         Returns
         -------
@@ -625,17 +633,17 @@ def _variation(path: Array) -> float:
 
 
 def _missed_top(size: Array, path: Array) -> float:
-    """Estimate how much a path between samples exceeds its largest sample. `size` is the path or its magnitude."""
+    """Estimate by how much a signal exceeds its largest sample. `size` is the path of samples or its magnitude."""
     return float(np.max(size + _missed(path)) - np.max(size))
 
 
 def _missed(path: Array) -> Array:
-    """Estimate how much a signal between samples exceeds each local extreme of the samples. Return 0 at other samples.
+    """Estimate by how much the signal exceeds each local extreme of its samples. Return 0 at other samples.
 
-    Let c be the larger of the two changes from the extreme to its neighbouring samples. The signal exceeds the extreme
-    by at most c: by c/8 if it is smooth, and by c/2 on average if it has a corner. The function returns c/4. A change
-    that is more than three times the neighbouring change may be a jump, so it counts as three times the neighbouring
-    change.
+    Let c be the larger of the two changes from the extreme to its neighbouring samples. Between the samples, a smooth
+    signal exceeds the extreme by at most c/8, a signal with a corner by c/2 on average, and any signal by at most c.
+    The function returns c/4. A change that is more than three times the neighbouring change may be a jump, so it counts
+    as three times the neighbouring change.
     """
     rises = np.diff(path)
     steps = np.pad(np.abs(rises), 2)  # gives each sample two steps before and two steps after it

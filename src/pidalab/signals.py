@@ -119,7 +119,7 @@ class Signals:
         * Otherwise an integral needs two agreements, since two grids can agree by chance. Other measures need a finer
           grid.
 
-        If the first finer grid agrees, the value of the record itself is returned.
+        If the first finer grid agrees with the record, the value of the record is returned.
         """
         value = measure(self)
         if self._finer is None and (not self._exact or signal == "u" or self.n.any()):
