@@ -24,7 +24,7 @@ zoh        0                        1 - exp(-h/T_F)        :math:`h\,e_{k-1}`
 =========  =======================  =====================  =======================================
 
 *Prefilter.* Let :math:`\tau` be the geometric mean of the time constants of the prefilter, and :math:`p = 1 + \tau s`.
-The denominator is written as a polynomial of p, and the states are
+The denominator is written as a polynomial of p, whose order is n, and the states are
 :math:`x_i = p^i r / (d_0 + d_1 p + \dots + d_n p^n)` for i < n. At rest all states equal the set point r, so
 :math:`\dot x = A (x - r)` with a constant matrix A. Each method moves the states in proportion to their distances from
 a target :math:`v_k`,

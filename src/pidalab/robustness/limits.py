@@ -71,7 +71,7 @@ class LinearPart(NamedTuple):
     Attributes
     ----------
     forward : Process
-        F, the path of the limited control signal through process, filter and controller, without the reset.
+        F, the transfer function of process, filter and controller in series, without the reset.
     zeros, poles : ndarray of complex
         Zeros and poles of F. A pole at 0 is left out of `poles`.
     reset_time : float
@@ -206,7 +206,7 @@ def circle(loop: Loop) -> Criterion:
 
     Examples
     --------
-    A third-order lag meets the criterion up to a gain of 4, and is stable up to a gain of 8.
+    With a third-order lag, the loop meets the criterion up to a controller gain of 4. It is stable up to a gain of 8.
 
     >>> import pidalab
     >>> result = pidalab.robustness.circle(pidalab.Loop(pidalab.lags(3), 3.0))
@@ -245,7 +245,7 @@ def popov(loop: Loop) -> Criterion:
 
     Examples
     --------
-    A third-order lag meets the criterion up to a gain of 8, the limit of stability.
+    With a third-order lag, the loop meets the criterion up to a controller gain of 8, the limit of stability.
 
     >>> import pidalab
     >>> pidalab.robustness.popov(pidalab.Loop(pidalab.lags(3), 7.9)).holds
