@@ -1,7 +1,7 @@
 """Compare a rule, given as a function, with all rules of the library and the optima on 134 plants.
 
-`judge` measures each design as published, and again after scaling to the same maximum sensitivity and noise
-(`pidalab.comparison.at_equal_terms`).
+`judge` measures each design as published. Then `pidalab.comparison.at_equal_terms` scales the design to a fixed maximum
+sensitivity and noise gain, so that the IAE of different rules can be compared, and `judge` measures the scaled design.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from pidalab.rules import Design
 from pidalab.rules.models import StartingModels
 
 TABLES = Path(__file__).with_name("tables")
-EQUAL_MS = 1.4  # maximum sensitivity for the comparison at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # limits of the relative noise gain; a PI typically has 0.15
-# columns of `Benchmark.as_published` and of `Benchmark.ranking`
+EQUAL_MS = 1.4  # maximum sensitivity of all scaled designs
+NOISE = {"quiet": 0.3, "loud": 1.5}  # limits of the relative noise gain; a PI controller typically has 0.15
+# Columns of the tables that `Benchmark.as_published` and `Benchmark.ranking` return.
 PUBLISHED = ("plants", "Ms", "Ms, 9 of 10 below", "relative noise gain")
 RANKED = ("plants", "of its kind", "of all", "worst tenth")
 
@@ -52,7 +52,8 @@ def stored(name: str) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        In units of each plant's ultimate gain and period. All callers share the table, so copy it before you change it.
+        The table. In ``comparison`` and ``optima``, values are in units of each plant's ultimate gain and period. All
+        callers share the table, so copy it before you change it.
 
     Examples
     --------
@@ -69,8 +70,8 @@ def judge(
 ) -> Iterator[dict[str, Any]]:
     """Yield the measures of a design on a plant, in units of the plant's ultimate gain and period.
 
-    The first row is for the design as published. The next two rows are for the design scaled to `EQUAL_MS` and to the
-    noise limits "loud" and "quiet".
+    The first row is for the design as published. The second and third rows are for the design scaled to `EQUAL_MS` and
+    to a noise limit: "loud" in the second row, and "quiet" in the third.
 
     Parameters
     ----------
@@ -81,12 +82,13 @@ def judge(
     process : Process
         The plant.
     scale : NoiseScale
-        Noise scale of the plant.
+        Result of `pidalab.noise_scale` for the plant.
 
     Yields
     ------
     dict
-        A row, with a ``reason`` if the rule refused.
+        A row. If measures are missing, ``reason`` says why. If the rule refused or its design could not be measured,
+        there is only the first row.
     """
     row = measure_row(rule, kind, make, process, scale.sample_time, first_horizon(process))
     kind = kind or kind_of(row.design)
@@ -97,7 +99,7 @@ def judge(
 
 
 def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
-    """Return the known measures in units of the plant's ultimate gain and period."""
+    """Return the measures that are not NaN, in units of the plant's ultimate gain and period, and the reason."""
     if not row.applies:
         return {"reason": row.reason}
     measures = {
@@ -113,7 +115,7 @@ def in_units(row: DesignRow, scale: NoiseScale) -> dict[str, Any]:
 
 
 def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[dict[str, Any]]:
-    """Return the measures of a design that is scaled to `EQUAL_MS` and to each limit of `NOISE`, "loud" first."""
+    """Scale a design to `EQUAL_MS` and to each limit of `NOISE`, "loud" first. Return the measures as rows."""
     rows: list[dict[str, Any]] = []
     for terms, noise in sorted(NOISE.items(), key=lambda pair: -pair[1]):
         # If the previous row has the shortest filter time and keeps this noise limit too, use the row again.
@@ -125,7 +127,10 @@ def at_all_terms(design: Design, process: Process, scale: NoiseScale) -> list[di
 
 
 def at_terms(design: Design, noise: float, process: Process, scale: NoiseScale) -> dict[str, Any]:
-    """Measure a design at equal terms. The set-point response is left out, since the prefilter was removed."""
+    """Scale a design to `EQUAL_MS` and to the limit `noise` of the relative noise gain, and measure the scaled design.
+
+    The set-point response is left out, since scaling removes the prefilter.
+    """
     try:
         scaled = at_equal_terms(design, process, EQUAL_MS, noise * scale.gain, scale.sample_time)
         row = measure_row("", "", lambda: scaled, process, scale.sample_time, first_horizon(process))
@@ -138,7 +143,7 @@ def at_terms(design: Design, noise: float, process: Process, scale: NoiseScale) 
 
 
 def kind_of(design: Design | None) -> str:
-    """Return "PI", "PID" or "PIDA" by the highest derivative of a design, or "" for other designs."""
+    """Return "PI", "PID" or "PIDA" by the highest derivative of a design. For other designs or None, return ""."""
     return "" if design is None else dict(enumerate(KINDS)).get(gains_of(design.controller).size - 2, "")
 
 
@@ -152,28 +157,29 @@ class Benchmark:
         Name of the rule.
     rows : pandas.DataFrame
         A row for each plant and each value of the column ``terms``: ``own`` (the rule as published), ``loud`` and
-        ``quiet`` (the design scaled to equal Ms and to a noise limit). Measures are in units of the plant's ultimate
-        gain and period. ``of_kind`` is IAE / (least IAE of the kind of controller), and ``of_best`` is IAE / (least IAE
-        of all kinds). ``reason`` says why the rule refused.
+        ``quiet`` (the design scaled to Ms = 1.4 and to a relative noise gain of at most 1.5 or 0.3). Measures are in
+        units of the plant's ultimate gain and period. For scaled designs, ``of_kind`` is IAE / (least IAE of the kind
+        of controller), and ``of_best`` is IAE / (least IAE of all kinds). ``reason`` says why measures are missing, or
+        how the noise gain was measured.
     """
 
     name: str
     rows: pd.DataFrame
 
     def ranking(self, terms: str = "loud") -> pd.DataFrame:
-        """Rank the rule among all rules of the library at equal Ms and noise, the closest to the optimum first.
+        """Rank this rule and all rules of the library, scaled to equal Ms and noise. The lowest IAE comes first.
 
         Parameters
         ----------
         terms : {"loud", "quiet"}, optional
-            Limit of the relative noise gain, 1.5 or 0.3.
+            Limit of the relative noise gain: 1.5 for ``loud``, 0.3 for ``quiet``.
 
         Returns
         -------
         pandas.DataFrame
             A row for each rule and kind of controller. "of its kind" is the median of IAE / (least IAE of the kind).
-            "of all" is the median of IAE / (least IAE of all kinds). "worst tenth" is the value that this ratio exceeds
-            on a tenth of the plants.
+            "of all" is the median of IAE / (least IAE of all kinds), by which the rows are sorted. "worst tenth" is the
+            value that the ratio IAE / (least IAE of all kinds) exceeds on a tenth of the plants.
 
         Raises
         ------
@@ -194,7 +200,7 @@ class Benchmark:
         return pd.DataFrame(dict(zip(RANKED, columns, strict=True))).sort_values("of all")
 
     def _beside(self, terms: str) -> pd.DataFrame:
-        """Return the rows of the library's rules at equal terms, followed by the rows of this rule."""
+        """Return the rows with these terms for all rules of the library, followed by the rows for this rule."""
         _check.choice("terms", terms, tuple(NOISE))
         others = beside_least(stored("comparison").query("terms == @terms"))
         mine = self.rows.query("terms == @terms").assign(rule=self.name)
@@ -206,7 +212,7 @@ class Benchmark:
         Returns
         -------
         pandas.Series
-            Counts by message.
+            Number of plants for each reason.
 
         Examples
         --------
@@ -309,7 +315,8 @@ class Benchmark:
         Returns
         -------
         matplotlib.figure.Figure
-            One panel with the median over the plants, and the range from the first to the ninth decile.
+            One panel with the median of IAE / (least IAE) over the plants, and the range from the first to the ninth
+            decile.
 
         Examples
         --------
@@ -340,7 +347,7 @@ class Benchmark:
 
 
 def beside_least(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns ``of_kind`` and ``of_best`` (see `Benchmark`) to rows of scaled designs."""
+    """Add the least IAE, and the columns ``of_kind`` and ``of_best`` (see `Benchmark`), to rows of scaled designs."""
     optima = stored("optima").query("ms_limit == @EQUAL_MS")
     terms = {noise: name for name, noise in NOISE.items()}
     least = optima.assign(
@@ -369,15 +376,15 @@ def benchmark(
         Function that takes a `Process` (a model of the plant) and returns a controller or a `Design`. If the rule does
         not apply, it must raise ValueError.
     name : str, optional
-        Name in tables. By default the name of the function.
+        Name of the rule in tables. By default the name of the function.
     model : str, optional
         Model that is passed to the rule: ``process``, ``reaction``, ``first_order``, ``second_order``, ``third_order``
         or ``integrator``. The module `pidalab.rules.registry` defines them.
     plants : iterable of str, optional
-        Names of plants. By default all.
+        Names of the plants on which the rule is tested. By default all 134 plants.
     executor : concurrent.futures.Executor, optional
-        Pool of worker processes, or a cluster. The workers must be able to import the rule. Without an executor, the
-        benchmark takes about a minute.
+        Pool of worker processes, or a cluster, that evaluates the plants in parallel. The workers must be able to
+        import the rule. Without an executor, the benchmark takes about a minute.
 
     Returns
     -------
@@ -386,7 +393,8 @@ def benchmark(
     Raises
     ------
     TypeError, ValueError
-        If the rule is not callable or returns neither a controller nor a `Design`, or if a name is unknown.
+        If the rule is not callable or returns neither a controller nor a `Design`, or if the model or a plant is
+        unknown.
 
     Examples
     --------

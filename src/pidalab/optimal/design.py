@@ -36,15 +36,18 @@ from pidalab.simulation.exact import load_response, simulate_until_settled
 HIGHEST_ORDER = 4
 ACTIVE = 1e-3  # a limit is active if the relative distance to it is below this
 NEGLIGIBLE_ACTION = 1e-6  # an action is dropped if it is below this number times the largest action
-UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)  # factors of the unit of time; a low noise limit needs large factors
+# The unit of time is multiplied by these factors in turn, until the horizon of the search is long enough. A low noise
+# limit needs large factors.
+UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)
 SLOWEST_SAMPLING = 100.0  # largest allowed sample time, divided by the `unit_of_time` of the process
-# If the simulated IAE exceeds the IAE of the search by this fraction or more, the unit of time is too short.
+# The search computes the IAE over a horizon that is proportional to the unit of time. If the simulated IAE is higher by
+# this fraction of itself or more, the horizon is too short.
 SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima are reported if their IAE is below this number times the best IAE
-BEST = 3  # number of descents whose ends are refined
+BEST = 3  # largest number of descents whose results are refined
 SAME_END = 1e-4  # a result from random starts is refined if its IAE is below (1 + this) * the best IAE
-# Each pair belongs to a random start of the last descents: standard deviation of the logarithms of the gains, and
-# standard deviation of the logarithm of the filter time.
+# Each of the last descents starts from a random change of the best controller. Each pair belongs to one start. Its
+# values are the standard deviations of the changes of log(gain) and of log(filter time).
 SHAKES = ((0.3, 0.5), (0.8, 1.5)) * 20
 
 
@@ -52,7 +55,8 @@ class SearchResult(NamedTuple):
     """Result of a search."""
 
     best: Polished
-    # IAE of the local optima below VALLEY_REACH times the least IAE, in rising order, in units of time of the problem
+    # IAE of each local optimum below VALLEY_REACH times the least IAE, in rising order. Each IAE is divided by the unit
+    # of time of the problem.
     valleys: tuple[float, ...]
 
 
@@ -83,9 +87,9 @@ def load(
     ms : float, optional
         Largest allowed maximum sensitivity, above 1.
     mks : float, optional
-        Largest allowed gain from measurement noise to control signal, in units of u per unit of y.
+        Largest allowed gain from measurement noise to control signal at any frequency, in units of u per unit of y.
     mt : float, optional
-        Largest allowed maximum of \|T\|, above 1.
+        Largest allowed maximum of the complementary sensitivity \|T\|, above 1.
     disk : float, optional
         Smallest allowed disk margin of `pidalab.margins`, between 0 and 2. A disk margin of 2/(2M - 1) implies Ms <= M
         and Mt <= M.
@@ -101,7 +105,8 @@ def load(
     ms_worst : float, optional
         Largest allowed maximum sensitivity with each plant of the family, above 1.
     start : Design, optional
-        A design of this function for the same process and order. The search then starts only from this design.
+        A design of this function for the same process and order. The search starts from this design. It uses other
+        starts only if it finds no controller for the process alone from this design.
 
     Returns
     -------
@@ -114,7 +119,8 @@ def load(
         - ``edge``, the variables at the edge of the search range. Without a limit on noise this is the filter time,
           since a shorter filter time would be better;
         - ``valleys``, the IAE of different local optima. The first value is the IAE of the design. The other values are
-          at most twice as large and are accurate to two digits. With `start` there is only the first value;
+          at most twice as large and are accurate to two digits. If the design was found from `start`, there is only the
+          first value;
         - ``digits``, the number of digits of gains, filter time and IAE that are the same on every processor.
 
     Raises
@@ -127,9 +133,10 @@ def load(
     Notes
     -----
     The search is deterministic and has many starts, but it does not prove a global optimum. Its result satisfies the
-    conditions of a local optimum: the active limits hold with equality, and the Lagrangian is stationary. The search
-    with a family first finds the optimum for the process alone. It is then repeated with the worst plants added, until
-    Ms is at most `ms_worst` with every plant.
+    conditions of a local optimum: the active limits hold with equality, and the Lagrangian is stationary.
+
+    With a family, the search first finds the optimum for the process alone. Then it adds the worst plants and continues
+    from this optimum, until Ms is at most `ms_worst` with every plant.
 
     Examples
     --------
@@ -158,7 +165,7 @@ def load(
 def least_iae(
     process: Process, order: int, requirements: Requirements, start: Design | None = None
 ) -> Design:
-    """Do the same as `load`, with the limits in a `Requirements`.
+    """Return the same controller as `load`, for limits that are given as a `Requirements`.
 
     Parameters
     ----------
@@ -221,8 +228,8 @@ def _best(
     -----
     There are three kinds of starts (`ways`): the given design, candidate controllers that keep the limits, and
     candidates that are moved until they keep the limits. Each kind is tried with increasing units of time, until the
-    IAE of the search agrees with the simulated IAE to `SAME_IAE`. The family is considered only after a search for the
-    process alone, since `ms_worst` is rarely active.
+    relative difference between the IAE of the search and the simulated IAE is below `SAME_IAE`. The family is
+    considered only after a search for the process alone, since `ms_worst` is rarely active.
     """
     import scipy.optimize  # noqa: F401  # loads scipy's BLAS, whose threads are limited below
     from threadpoolctl import threadpool_limits
@@ -302,13 +309,13 @@ def _refusal(searches: list[Search]) -> str:
 
 
 def _nearest(search: Search, x: Array) -> str:
-    """Return the limited quantities of a controller, as a part of a message."""
+    """Return the value of each limited quantity of a controller, as text for an error message."""
     values = {**_peaks(search.loop(x)), "noise_gain": search.true_noise(x)}
     return ", ".join(f"{name} = {values[name]:.4g}" for name in search.limits.limits())
 
 
 def _peaks(loop: Loop) -> dict[str, float]:
-    """Return the disk margin of a loop, and all suprema on which a limit can be set."""
+    """Return the suprema of a loop that can be limited, and its disk margin."""
     suprema = {name: peak(loop)[0] for name, peak in SUPREMA.items()}
     return {**suprema, "disk": 1 / suprema["inverse_disk"]}
 
@@ -322,7 +329,7 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
     """Convert the result of a search to a design for the given process, whose gain may be negative."""
     problem, limits, x = search.problem, search.limits, result.best.x
     gains, time = problem.controller(x)
-    # To drop negligible actions, compare all actions at the corner frequency of the filter.
+    # Set the gains of negligible actions to 0. All actions are compared at the corner frequency of the filter.
     amounts = gains * time ** -np.arange(-1.0, problem.order + 1)
     gains[1:] = np.where(amounts < NEGLIGIBLE_ACTION * amounts.max(), 0.0, gains)[1:]
     controller = HighOrderPID((sign_of_gain(process) * gains).tolist(), time, problem.order + 1)
@@ -346,7 +353,7 @@ def judge(process: Process, search: Search, result: SearchResult) -> Design:
     info["active"] = (*reached, *none)
     info["edge"] = _edge(search, x)
     info["digits"] = int(-math.log10(max(result.best.step, 1e-9)))
-    # The search has a limited horizon. Scale all values so that the first value is the simulated IAE.
+    # The search computes the IAE over a limited horizon. Scale its values so that the first is the simulated IAE.
     scale = info["iae"] / result.valleys[0]
     info["valleys"] = (info["iae"], *(scale * value for value in result.valleys[1:]))
     return Design(process, controller, source="pidalab.optimal.load: least IAE", info=info)
@@ -361,7 +368,7 @@ def _edge(search: Search, x: Array) -> tuple[str, ...]:
 
 
 def _iae(loop: Loop, time: float) -> float:
-    """Return the IAE of a unit load step, integrated until the response has settled."""
+    """Return the IAE of a unit load step up to infinite time. Simulate the response until it has settled."""
     try:
         return simulate_until_settled(load_response, loop, 80.0 * time).iae(horizon=math.inf)
     except ValueError as reason:
@@ -372,18 +379,21 @@ def _iae(loop: Loop, time: float) -> float:
 
 
 def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> SearchResult | None:
-    """Find the best unknowns from starts that keep all limits. Return None if no descent keeps the limits.
+    """Run descents from the starts and return the best result. Return None if no result keeps all limits.
+
+    Each start is a vector of unknowns whose controller keeps all limits.
 
     Notes
     -----
     The search finds different local optima (see `pidalab.optimal`) in four stages:
 
-    1. The filter time is fixed at each value of a grid, and the optimum `x` at one value is the start at the next
-       value. The grid is passed downwards, upwards, and once more downwards without the highest derivative. `on_grid`
-       collects all optima.
+    1. The filter time is fixed at each value of a grid in turn. At each value, `Search.near` chooses the start from the
+       first of `starts` and from changes of the last optimum `x`. The search passes through the grid downwards, then
+       upwards, and once more downwards without the highest derivative. `on_grid` collects all optima.
     2. Descents with a free filter time (`free`) begin at the optima of the grid and at the other starts.
-    3. The best ends are refined (`finished`).
-    4. Descents from random starts around the best end (`shaken`) check that this end is a local optimum.
+    3. The best results are refined (`finished`).
+    4. Descents from random starts around the best result (`shaken`) check that it is a local optimum. A better
+       result replaces it.
     """
     first = starts[0]
     x, on_grid = first, []
@@ -448,7 +458,7 @@ def _valleys(best: float, others: Iterable[float]) -> tuple[float, ...]:
 
 
 def _distinct(on_grid: list[tuple[float, Array]], most: int) -> list[tuple[float, Array]]:
-    """Return at most `most` different ends of descents, the least value first."""
+    """Return at most `most` different results of descents, the lowest IAE first."""
     chosen: list[tuple[float, Array]] = []
     for end in sorted(on_grid, key=lambda pair: pair[0]):
         if all(np.max(np.abs(end[1] - other[1])) > 1e-3 for other in chosen):
