@@ -44,7 +44,7 @@ class Response(Signals):
     held : ndarray, shape (k,), optional
         The part of y that is held between samples, such as noise in a measured record. By default 0.
     final : float, optional
-        Value that y approaches, by default the final set point. `open_loop_step` sets it for a stable process.
+        Value that y approaches, by default the final set point. `open_loop_step` sets `final` for a stable process.
 
     Raises
     ------

@@ -103,7 +103,7 @@ def _prepared(loop: Loop, inputs: str, n: int, step: float) -> tuple[Cut, float,
     """Return the cut loop, the bound by `norm_over`, and True if digits may cancel."""
     cut = cut_at_delay(loop, inputs)
     norm = norm_over(cut, n, step)
-    # Without dead time, `cut` describes the closed loop, whose poles may be slower than those of a block.
+    # Without dead time, `cut` describes the closed loop, whose poles may be slower than the poles of a block.
     speed = max(norm, 0.0 if cut.delay else fastest_pole(loop))
     return cut, norm, speed * min(cut.delay or np.inf, (n - 1) * step) > CHECKED_FROM
 

@@ -102,7 +102,7 @@ def simulate_sampled(
     -------
     Response
         Signals at the times t. At a jump, the value just after the jump is returned. `u` is the limited and rounded
-        control signal, which is held for a sample. With pulses, `u` is the mean of each pulse over its sample.
+        control signal, which is held for a sample. With pulses, `u` is the mean output of the actuator in each sample.
 
     Raises
     ------
@@ -391,7 +391,7 @@ def noise_gain(loop: Loop, sample_time: float) -> float:
 
 
 def _linear(loop: Loop) -> Loop:
-    """Return the loop without limits and deadband."""
+    """Return the loop without limits, rate limit and deadband."""
     require_loop(loop)
     k, none = loop.controller, (-math.inf, math.inf)
     if loop.digital is not None:
