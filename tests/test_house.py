@@ -31,7 +31,7 @@ HANDS_ON = {
 
 def lines(text, package):
     """Return a list of modules for each line. A module imports only from earlier lines and itself."""
-    text = text.split("Imports for types count")[0]
+    text = text.split("Imports that only type checkers see count")[0]
     rooms = [line.strip().split("  ")[0] for line in text.splitlines() if line.startswith(7 * " ")]
     return [[f"{package}.{room}" for room in re.findall(r"\w+", line)] for line in rooms]
 
