@@ -3,7 +3,7 @@ r"""Roots of a polynomial from its coefficients, including multiple roots.
 The eigenvalues of a companion matrix scatter an n-fold root over a circle. For 30 equal lags, for example, the computed
 time constants differ by a factor of two. Therefore neighbouring roots are replaced by one multiple root, which
 Gauss-Newton steps fit to the coefficients. The multiple root is accepted if its polynomial agrees with the coefficients
-at least as well as the polynomial of the scattered roots.
+to rounding, or at least as well as the polynomial of the scattered roots.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def roots(polynomial: ArrayLike) -> Any:
     Raises
     ------
     ValueError
-        If no roots are found whose polynomial equals the given polynomial to ten digits.
+        If the degree is above 400, or if no roots are found whose polynomial equals the given polynomial to ten digits.
     """
     coefficients = np.asarray(polynomial, dtype=float)
     if not (coefficients.size and coefficients[0]):
