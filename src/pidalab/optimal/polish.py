@@ -25,12 +25,13 @@ from pidalab.robustness.margins import max_control_sensitivity, max_sensitivity
 
 MAX_FINISHES = 12  # largest number of rounds of `finish`; each round adds frequencies of violated limits
 VALLEY_GAP = 1e-2  # an optimum is dropped if its value exceeds (1 + this) * the value of a known optimum
-UNPOLISHED = 1e-2  # estimated error of an optimum that was not refined by Newton's method
-ALIKE = 0.01  # two results are the same local optimum if their unknowns differ by less than this fraction
+# Estimated error, in scaled variables, of an optimum that was not refined by Newton's method.
+UNPOLISHED = 1e-2
+ALIKE = 0.01  # relative and absolute tolerance within which the unknowns of equal local optima agree
 BACK = 0.97  # the gains are multiplied by this before a diverged descent is repeated
 WORST_PLANTS = 2  # at most this number of plants is added to `search.active` in one round
-# With a family of plants, the gains are multiplied by SHRINK at most SHRINKS times, until no limit is violated by more
-# than LARGEST_VIOLATION.
+# With a family of plants, the gains are multiplied by SHRINK at most SHRINKS times, until the loops are stable and no
+# limit is violated by more than LARGEST_VIOLATION.
 SHRINK, SHRINKS, LARGEST_VIOLATION = 0.85, 40, 0.5
 # For each quantity that can be limited, a function that returns its supremum and the frequency of the supremum.
 SUPREMA: dict[str, Callable[[Loop], tuple[float, float]]] = {
@@ -43,7 +44,7 @@ ROOM = 1e-9  # relative allowance for rounding at a limit
 NEAR_LIMIT = 0.05  # a peak is near its limit if log(height / limit) > -NEAR_LIMIT
 FREQUENCY_STEP = 1e-5  # relative step of the frequency in the difference quotient for the curvature of a peak
 PEAK_STEPS = 8  # largest number of Newton steps to the top of a peak
-# Largest and least step of the differences for second derivatives, in scaled variables.
+# Largest and least step of the difference quotients for second derivatives, in scaled variables.
 SPACING, LEAST_SPACING = 1e-4, 1e-6
 # The iteration ends after MOST_NEWTON_STEPS steps, or after a step shorter than LAST_STEP. Its result is accepted if
 # the last step is shorter than LARGEST_LAST_STEP.
@@ -59,14 +60,14 @@ NOMINAL = len(PEAKS)
 class Polished(NamedTuple):
     """Result of a refinement."""
 
-    value: float  # IAE, in units of time of the problem
+    value: float  # IAE, divided by the unit of time of the problem
     x: Array
     step: float  # size of the last step in scaled variables, an estimate of the error
     w: Array  # frequencies of the peaks near their limits
 
 
 class Peaks:
-    """Heights of peaks, as smooth functions of the unknowns.
+    """Heights of peaks, as smooth functions of the unknowns (see `pidalab.optimal.problem` for the heights).
 
     The kind of a peak is a number. Kinds below `NOMINAL` are indices of `PEAKS`: these peaks belong to the loop with
     the process. Each active plant of the family has one further kind, for the peaks of |S| with this plant.
@@ -121,7 +122,7 @@ class Peaks:
         return kinds, self.w[i + 1]
 
     def bend(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the second derivative of log(height) by log(frequency), for each peak."""
+        """Return the second derivative of log(height) with respect to log(frequency), for each peak."""
         above, below = (self._slope(x, kinds, w * math.exp(h)) for h in (FREQUENCY_STEP, -FREQUENCY_STEP))
         return np.asarray(np.minimum((above - below) / (2 * FREQUENCY_STEP), -1e-9))
 
@@ -136,7 +137,7 @@ class Peaks:
         return np.asarray(np.exp(log))
 
     def _slope(self, x: Array, kinds: Array, w: Array) -> Array:
-        """Return the derivative of log(height) by log(frequency), for each peak."""
+        """Return the derivative of log(height) with respect to log(frequency), for each peak."""
         s = 1j * w
         gains, time = self.problem.controller(x)
         powers, order = np.arange(-1.0, gains.size - 1.0), gains.size - 1
@@ -148,7 +149,7 @@ class Peaks:
         return np.asarray(np.real(a * by_controller + b * by_plant))
 
     def rows(self, x: Array, kinds: Any, w: Array) -> tuple[Array, Array]:
-        """Return log(height / limit) of each peak, and its derivatives by the unknowns."""
+        """Return log(height / limit) of each peak, and its gradient with respect to the unknowns."""
         s = 1j * w
         controller, slopes = self.problem._controller(x, s, self.problem._actions(s))
         L = self._plant(s, kinds)[0] * controller
@@ -215,7 +216,10 @@ class Lagrangian:
         return self.value(z)[0], float(np.maximum(-slack, 0.0).sum())
 
     def hessian(self, z: Array, kinds: Array, w: Array, multipliers: Array, iae_of: Any, h: float) -> Array:
-        """Return the second derivatives of the Lagrangian, with peaks refined at each point."""
+        """Return the second derivatives of the Lagrangian as difference quotients of step h.
+
+        The frequencies of the peaks are refined at each point of the difference quotients.
+        """
         bend, second = self.peaks.bend(self.scaled.back(z), kinds, w), np.empty((z.size, z.size))
 
         def slope(z: Array) -> Array:

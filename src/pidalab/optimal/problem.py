@@ -1,19 +1,20 @@
-r"""Compute the IAE and the slack of limits as smooth functions of the gains, with gradients, for `pidalab.optimal`.
+r"""Compute the IAE and the slack of limits for `pidalab.optimal`, with gradients.
 
-The unknowns are the dimensionless gains and the logarithm of the filter time. With the denominator q of the filter,
-closed forms exist at each frequency:
+The unknowns are the dimensionless gains and the logarithm of the filter time. The IAE and the slack are smooth
+functions of the unknowns. Let q be the denominator of the filter, and y the response to a load step. At each frequency,
+the derivatives have closed forms:
 
 .. math:: L = P C, \qquad \frac{\partial L}{\partial K_k} = \frac{P s^k}{q}, \qquad
           \frac{\partial y}{\partial K_k} = - \frac{P s^k}{q}\, S\, y .
 
-A fast Fourier transform computes the responses from their Laplace transforms on a line right of the imaginary axis,
-with exact dead time. The integral of the error is positive and known exactly. The IAE is this integral plus twice the
-area where the error is negative. This area is computed with straight lines between samples. So its
-gradient is continuous, as Newton's method requires.
+A fast Fourier transform computes the responses from their Laplace transforms on a line to the right of the imaginary
+axis, with exact dead time. The set point is 0, so the IAE is the integral of \|y\|. The integral of y is known
+exactly: it is :math:`1/K_{-1}`, which is positive. The IAE is this integral plus twice the area where y is negative.
+This area is computed with straight lines between samples. So its gradient is continuous, as Newton's method requires.
 
-The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. Each of these heights
-is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. Let ln C change by c, and ln P by p. Then the logarithm of
-the height changes by :math:`\operatorname{Re}(a c + b p)`, with
+The quantities that can be limited at all frequencies are \|S\|, \|C S\|, \|T\| and \|S - T\|/2. They are called
+heights. Each height is the modulus of t/(1 + L), with t = 1, C, L or (1 - L)/2. Let ln C change by c, and ln P by p.
+Then the logarithm of the height changes by :math:`\operatorname{Re}(a c + b p)`, with
 
 =================  =========  ==========  =========  =====================
 height             \|S\|      \|C S\|     \|T\|      half of \|S - T\|
@@ -22,7 +23,7 @@ a                  -T         S           S          -2 L/(1 - L²)
 b                  -T         -T          S          -2 L/(1 - L²)
 =================  =========  ==========  =========  =====================
 
-A change of the gains has p = 0. A change of frequency has both c and p.
+A change of the gains does not change P, so p = 0. A change of the frequency changes both C and P.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ from pidalab.roots import roots
 
 SEARCH_SAMPLES = 2048  # number of samples of a response
 DAMPING = 3.0  # the inverse transform runs along Re s = DAMPING / horizon
-REST = 1e-3  # the integral over the horizon may exceed the exact integral by this fraction
+# Without a penalty, the integral of y over the horizon may exceed the exact integral of y by this fraction.
+REST = 1e-3
 
 GAIN_UNITS = (0.1, 1.0)  # least and largest scale factor of a gain in a descent
 BARRIER = 1e9  # value of the objective for an unstable loop
@@ -69,12 +71,12 @@ def weights(kind: int, L: Any) -> tuple[Any, Any]:
 
 
 def turned(f: Any) -> float:
-    """Return the change of the angle of a function along closely spaced points."""
+    """Return the change of the angle of a function in rad, from its values at closely spaced points."""
     return float(np.angle(f[1:] / f[:-1]).sum())
 
 
 def with_turns(w: Any, delay: float, angles: Any, end: float | None = None) -> Any:
-    """Add to w the frequencies below `end` at which a dead time turns the phase by `angles`, and sort.
+    """Add to w the frequencies below `end` at which a dead time turns the phase by `angles` in rad, and sort.
 
     By default `end` is the last frequency of w.
     """
@@ -90,7 +92,7 @@ class Problem:
     process : Process
         Process with positive gain.
     order : int
-        Highest derivative.
+        Highest derivative of the controller.
     scale : tuple of float
         Gain and time that make the unknowns dimensionless.
     """
@@ -115,7 +117,7 @@ class Problem:
         return x
 
     def _actions(self, s: Any) -> Any:
-        """Return s^-1 ... s^m at complex s, in units of the unknowns, without the filter."""
+        """Return s^-1 ... s^m at complex s, each multiplied by the unit of its gain, without the filter."""
         return self.units[:, None] * s ** np.arange(-1.0, self.order + 1)[:, None]
 
     def _filter(self, x: Array, s: Any) -> tuple[Any, Any]:
@@ -128,7 +130,7 @@ class Problem:
         return filtered, lag
 
     def _controller(self, x: Array, s: Any, actions: Any) -> tuple[Any, Any]:
-        """Return the controller at complex s, and a function that returns its slopes by the unknowns."""
+        """Return the controller at complex s, and a function that returns its gradient with respect to the unknowns."""
         filtered, lag = self._filter(x, s)
         by_gains = actions * filtered
         controller = x[: self.gains] @ by_gains
@@ -137,7 +139,7 @@ class Problem:
     def iae(self, horizon: float, samples: int = SEARCH_SAMPLES) -> Any:
         """Return a function that computes the IAE of a load step and its gradient from the unknowns.
 
-        The IAE has the unit of time of the problem. After the horizon, the error is assumed not to change its sign.
+        The IAE is divided by the unit of time of the problem. After the horizon, y is assumed not to be negative.
         """
         s = DAMPING / horizon + 2j * np.pi / horizon * np.arange(samples // 2 + 1)
         step = horizon / samples
@@ -155,12 +157,12 @@ class Problem:
             error = np.fft.irfft(e, n=samples) * growth
             ie = 1 / (max(x[0], 1e-12) * self.units[0])
             other, by_error = _other_side(error)
-            # The integral of the error beyond the horizon should be positive. Penalise a negative integral.
+            # The integral of y beyond the horizon should be positive. Penalise a negative integral.
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
-                # By Parseval's theorem, the integral of weight * slope over time is an integral over frequency. So a
-                # single transform suffices.
+                # The gradient is the integral of weight * (derivatives of y) over time. By Parseval's theorem, it is
+                # also an integral over frequency. So only the weight has to be transformed.
                 weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
@@ -173,10 +175,10 @@ class Problem:
         return value
 
     def _characteristic(self) -> None:
-        r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` on the axis, for a process b/a of order n.
+        r"""Prepare :math:`f = (s\,a + e^{-sL} b\,s\,C)/(s + \sigma)^{n+1}` for s = jω, for a process b/a of order n.
 
-        The zeros of f are the poles of the loop, and the poles of f are stable. So along the axis, the angle of f
-        changes by -pi for each unstable pole of the loop.
+        L is the dead time. The zeros of f are the poles of the loop, and the poles of f are stable. So from ω = 0 to
+        infinity, the angle of f changes by -pi for each unstable pole of the loop.
         """
         process, sigma = self.process, 1 / self.time
         speeds = np.abs(roots(process.den)) * self.time
@@ -227,7 +229,7 @@ class Problem:
 
 
 def _other_side(error: Array) -> tuple[float, Array]:
-    """Return the area of the negative part of an error, for a time step of 1, and its derivatives by the samples."""
+    """Return the area where a sampled response is negative, for a time step of 1, and the gradient of this area."""
     at = np.flatnonzero((error[:-1] < 0) | (error[1:] < 0))
     a, b = error[at], error[at + 1]
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -242,7 +244,7 @@ def _other_side(error: Array) -> tuple[float, Array]:
 
 
 class CachedValueAndSlope:
-    """A function with value and slope, which caches its last point."""
+    """A function with value and slope, which caches the results at its last point."""
 
     def __init__(self, both: Any) -> None:
         self.both, self.place = both, b""
@@ -262,7 +264,7 @@ class CachedValueAndSlope:
 
 
 class Scaled:
-    """Scaling of the unknowns: the logarithm of the integral gain, and the other gains divided by scale factors."""
+    """Change of variables: the integral gain becomes its logarithm, and scale factors divide the other gains."""
 
     def __init__(self, start: Array, gains: int) -> None:
         self.unit = np.ones(start.size)
@@ -281,7 +283,7 @@ class Scaled:
         return x
 
     def slopes(self, x: Array, by_x: Array) -> Array:
-        """Convert slopes by the unknowns to slopes by the scaled unknowns."""
+        """Convert derivatives with respect to the unknowns to derivatives with respect to the scaled unknowns."""
         by_z = by_x * self.unit
         by_z[..., 0] = by_x[..., 0] * x[0]
         return by_z
@@ -309,18 +311,19 @@ class SampledNoise:
     sample_time : float
         Sample time of controller and noise. The filter time must be at least this time.
     density : int, optional
-        Factor of the number of frequencies. With 1 the result has four digits.
+        Factor of the number of frequencies. With 1, four digits of the result are correct.
 
     Notes
     -----
-    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered actions and their slopes by
-    the filter time are sums of the lags :math:`1/(1 + T_F s)^i`. With :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`,
-    the transfer functions :math:`X_i` of these lags after a hold satisfy the recursion
+    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered terms of the
+    controller and their derivatives with respect to the filter time are sums of the lags :math:`1/(1 + T_F s)^i`. Let h
+    be the sample time, :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`. The transfer functions :math:`X_i` of these lags
+    after a hold satisfy the recursion
 
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
 
-    where P is the regularised lower incomplete gamma function. By Parseval's theorem, the variance of u is the mean of
-    :math:`|C/(1 + G C)|^2` over the unit circle.
+    where P is the regularised lower incomplete gamma function. Let G be the sampled plant. For white noise of variance
+    1, the variance of u is the mean of :math:`|C/(1 + G C)|^2` over the unit circle (Parseval's theorem).
     """
 
     def __init__(self, problem: Problem, sample_time: float, density: int = 1) -> None:
@@ -358,16 +361,16 @@ class SampledNoise:
     def unstable(self, x: Array) -> bool:
         """Return True if the sampled loop is unstable, by the argument principle for 1 + L.
 
-        The unstable poles of L are first moved inside the circle.
+        The poles of L outside or on the unit circle are first moved inside it.
         """
         f = (1 + self.plant * self._controller(x)[0]) * self.moved
         # The function is real at both ends of the half circle.
         return abs(turned(np.append(f[0].real, f))) > 0.5 * np.pi
 
     def _expand(self) -> None:
-        """Expand the filtered actions, T^k s^k/(1 + T s)^n, and their slopes by log T, as sums of lags.
+        """Expand the filtered terms, T^k s^k/(1 + T s)^n, and their slopes with respect to log T, as sums of lags.
 
-        Since :math:`Ts = (1 + Ts) - 1`, the coefficients of the lags are those of :math:`(1 - 1/(1 + Ts))^k`.
+        With the lag :math:`x = 1/(1 + Ts)`, a filtered term is :math:`(1 - x)^k x^{n-k}`, a polynomial in x.
         """
         n = self.problem.order + 1
         self.actions, self.by_time = np.zeros((n + 1, n + 2)), np.zeros((n + 1, n + 2))
@@ -384,7 +387,8 @@ class SampledNoise:
         """Return the sampled controller at the frequencies, and a function that returns its slopes."""
         n, (gains, time) = self.problem.order + 1, self.problem.controller(x)
         powers = time ** np.arange(1.0, -n, -1.0)
-        lags = self._lags(time, n + 1).view(float)  # products with pairs of real numbers are faster
+        # Real products are faster, so treat each complex number as two real numbers.
+        lags = self._lags(time, n + 1).view(float)
         controller = (((gains * powers) @ self.actions) @ lags).view(complex)
         controller += gains[0] * self.integrator
 
@@ -425,8 +429,8 @@ def _frequencies(time: float, delay: float, h: float, density: int) -> Array:
 # --- unit of time -----------------------------------------------------------------------------------------------------
 
 
-# The unit of time is 1/w_u. At the frequency w_u the phase of the process falls to CORNER. With several integrators, it
-# falls to the phase of the integrators minus INTEGRATORS_TURN.
+# The unit of time is 1/w_u. At the frequency w_u, the phase of the process falls to CORNER (in rad). With several
+# integrators, w_u is the frequency at which the phase falls to (phase of the integrators) - INTEGRATORS_TURN.
 CORNER = -0.75 * math.pi
 INTEGRATORS_TURN = 0.25 * math.pi
 # A limit on noise determines the unit only if w_u is above NOISE_SLOWDOWN times the result of `_loudest`.
@@ -455,7 +459,10 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
 
 
 def _loudest(process: Process, limits: Requirements, w: Array) -> float:
-    """Return the frequency up to which limits on noise permit control. Control needs |C S| near 1/|P|."""
+    """Return the frequency up to which limits on noise permit control, or infinity if there is none.
+
+    Control needs |C S| near 1/|P|.
+    """
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)
     if limits.mks is not None:

@@ -1,8 +1,8 @@
 """Run descents under limits, and choose their starts, for `pidalab.optimal`.
 
 The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
-filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. Its
-controllers have equal zeros below a chosen crossover frequency.
+filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. Each of its
+controllers has one or more equal zeros below a chosen crossover frequency.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ FINE_SAMPLES = 8192  # number of samples of the response for the final IAE
 # Grid of the logarithms of filter times, in units of time of the problem: largest value, smallest value, and number of
 # values.
 SLOWEST_ON_GRID, FASTEST_ON_GRID, GRID_SIZE = 1.0, -5.0, 13
-FASTEST, SLOWEST = -7.0, 3.0  # smallest and largest logarithm of a filter time
+# Smallest and largest logarithm of a filter time, in units of time of the problem.
+FASTEST, SLOWEST = -7.0, 3.0
 LARGEST_GAIN = 1e6  # in the units of gain of the problem
 SEARCH_HORIZON = 80.0  # horizon of a response, in units of time of the problem
 VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
@@ -42,11 +43,11 @@ VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
 SPARE = 2e-5
 # Frequencies around a peak, divided by the frequency of the peak.
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
-# With `nearly`, `look_at` ignores a peak if the grid has a frequency within this fraction of the peak's frequency.
+# With `nearly`, `look_at` ignores a peak if a frequency of the grid differs from it by at most this fraction.
 BETWEEN = 0.01
 NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # (iterations, tolerance) of intermediate and final descents
-# Largest number of successive descents. A descent is long if log IAE falls by more than LONG_DESCENT.
+# A descent is long if it lowers log IAE by more than LONG_DESCENT. Another descent follows it, but at most AGAIN in all.
 AGAIN, LONG_DESCENT = 4, 0.2
 FINER = 12  # the final noise gain is computed with this many times the frequencies of the search
 
@@ -60,7 +61,7 @@ class Search:
 
     def __init__(self, problem: Problem, limits: Requirements) -> None:
         self.problem, self.limits = problem, limits
-        self.active: list[int] = []  # plants of the family that the descents consider
+        self.active: list[int] = []  # indices of the plants of the family that the descents consider
         time = problem.time
         # The grid is dense around the crossover. `with_turns` adds frequencies at equal steps of the phase of the dead
         # time.
@@ -74,7 +75,7 @@ class Search:
         if limits.noise_gain is not None and h is not None:
             self.noise, self.exact_noise = (SampledNoise(problem, h, density) for density in (1, FINER))
         fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
-        self.aim = limits.noise_gain or 0.0  # limit on `self.noise`; lowered if `true_noise` is too high
+        self.aim = limits.noise_gain or 0.0  # limit on the noise gain in descents; lowered if `true_noise` is too high
         filters = (fastest, max(SLOWEST, fastest + 2.0))
         self.filter_times = np.linspace(
             max(SLOWEST_ON_GRID, fastest + 1.0), max(FASTEST_ON_GRID, fastest), GRID_SIZE
@@ -86,15 +87,14 @@ class Search:
         return is_surely_stable(self.loop(x)) and np.isfinite(self.true_noise(x))
 
     def near(self, x: Array, first: Array, filter_time: float) -> Array:
-        """Return the best start at another filter time.
+        """Return the best start at another filter time, given by its logarithm.
 
         Three kinds of starts are compared: the first start, the last optimum x, and x with less derivative action.
         """
         count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
-        powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (
-            np.arange(x.size) < count
-        )  # orders of derivatives
+        # For the gain of a derivative, the order of this derivative. For all other unknowns, 0.
+        powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (np.arange(x.size) < count)
         for start in (first.copy(), *(x * share**powers for share in (1.0, 0.6, 0.3, 0.1))):
             start[count] = filter_time
             value = self.log_iae(start)[0] + np.log1p(VIOLATION_PRICE * self.violation(start, constraints))
@@ -110,7 +110,7 @@ class Search:
         return float(np.log(value)), lambda: slope() / value
 
     def violation(self, x: Array, constraints: list[CachedValueAndSlope] | None = None) -> float:
-        """Return the largest violation of a limit."""
+        """Return the largest violation of a limit at the frequencies of the search, or 0 if no limit is violated."""
         return max(0.0, -min(float(np.min(each.value(x))) for each in constraints or self.constraints()))
 
     def constraints(self) -> list[CachedValueAndSlope]:
@@ -138,7 +138,8 @@ class Search:
     ) -> tuple[float, Array, float]:
         """Run sequential quadratic programming. Return the IAE, the unknowns and the largest violation.
 
-        The filter time is fixed if it is given, and `highest` bounds the gain of the highest derivative.
+        If the logarithm `filter_time` is given, the filter time is fixed. `highest` is the upper bound of the gain of
+        the highest derivative. A failed descent returns an infinite IAE and an infinite violation.
         """
         from scipy.optimize import minimize
 
@@ -165,8 +166,8 @@ class Search:
                 end = np.clip(scaled.back(solution.x), low, high)
                 before, value = value, float(solution.fun)
                 violation = self.violation(end, constraints)
-                # A long descent may end too early, because it estimates the curvature at its start. So repeat the
-                # descent from its end.
+                # A long descent may end too early, because its estimate of the curvature comes partly from points far
+                # from the end. So start another descent at the end.
                 if not (np.isfinite(violation) and violation <= NEARLY and value < before - LONG_DESCENT):
                     break
                 x = end
@@ -241,11 +242,11 @@ GAINS = (2.0, 1.2, 0.6, 0.3, 0.1, 0.03, 0.01, 0.003, 3e-4)
 INTEGRAL_SHARES = (0.5, 0.1, 0.02, 0.004)
 DERIVATIVES = (0.0, 1.0, 5.0)
 FILTERS = (-4.0, -2.0, 0.0)
-# Second family: crossover frequency w_c; w_c divided by the zeros; corner frequency of the filter divided by w_c.
+# Second family: crossover frequency w_c; w_c / (frequency of the zeros); (corner frequency of the filter) / w_c.
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # `relax` stops when every limit is kept with this margin (a negative violation)
+INSIDE = -1e-3  # `relax` stops when no violation is above this, so that every limit holds with a small margin
 TRIED = 60  # number of candidates whose stability is checked
 # Largest number of starts, and least distance between two starts (see `_apart`).
 STARTS, START_GAP = 6, np.log(4.0)
@@ -275,7 +276,7 @@ def _apart(first: Array, other: Array, gains: int) -> bool:
 def approached(search: Search) -> list[Array]:
     """Return a list with one start that keeps all limits, found from candidates that violate limits.
 
-    The list is empty if there is no such start. Store the controller with the least violation in `search.nearest`.
+    The list is empty if no such start is found. Store the controller with the least violation in `search.nearest`.
     """
     least = np.inf
     for start in islice(stabilising(search), NEAREST):
@@ -296,7 +297,7 @@ def stabilising(search: Search) -> Iterator[Array]:
 def _ranked(search: Search) -> list[Array]:
     """Return the candidates whose loops appear to be stable, judged on a grid of frequencies.
 
-    They are sorted by rising violation of the limits, then by falling ki.
+    The candidates are sorted by rising violation of the limits, then by falling ki.
     """
     problem, constraints = search.problem, search.constraints()
     likely = (x for x in _candidates(problem, *search.bounds[problem.gains]) if not problem.unstable(x))
@@ -334,7 +335,7 @@ def relax(search: Search, start: Array) -> Array:
 
 
 def _candidates(problem: Problem, fastest: float, slowest: float) -> Iterator[Array]:
-    """Yield the candidates of both families, each with every allowed filter time."""
+    """Yield the candidates of both families with each of their filter times, clipped to the allowed range."""
     for action, filters in _families(problem):
         for time in np.unique(np.clip(filters, fastest, slowest)):
             x = np.zeros(problem.size)
