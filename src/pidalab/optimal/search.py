@@ -47,7 +47,7 @@ AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
 BETWEEN = 0.01
 NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # (iterations, tolerance) of intermediate and final descents
-# A descent is long if it lowers log IAE by more than LONG_DESCENT. Another descent follows it, but at most AGAIN in all.
+# A descent is long if it lowers log IAE by more than LONG_DESCENT. Then another descent follows, up to AGAIN in all.
 AGAIN, LONG_DESCENT = 4, 0.2
 FINER = 12  # the final noise gain is computed with this many times the frequencies of the search
 
@@ -75,7 +75,8 @@ class Search:
         if limits.noise_gain is not None and h is not None:
             self.noise, self.exact_noise = (SampledNoise(problem, h, density) for density in (1, FINER))
         fastest = FASTEST if h is None else max(FASTEST, float(np.log(h / time)))
-        self.aim = limits.noise_gain or 0.0  # limit on the noise gain in descents; lowered if `true_noise` is too high
+        # Limit on the noise gain in descents. It is lowered if `true_noise` is too high.
+        self.aim = limits.noise_gain or 0.0
         filters = (fastest, max(SLOWEST, fastest + 2.0))
         self.filter_times = np.linspace(
             max(SLOWEST_ON_GRID, fastest + 1.0), max(FASTEST_ON_GRID, fastest), GRID_SIZE
