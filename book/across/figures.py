@@ -16,7 +16,7 @@ HATCHES = {"PI": "", "PID": "//", "PIDA": "xx"}
 
 
 def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = True) -> None:
-    """Draw a line for each group of rows, from the lowest to the highest tenth, and mark the median by its kind."""
+    """Draw each group of rows as a line from its 10 % to its 90 % quantile. The mark at the median shows the kind."""
     labels = list(groups)
     figure, ax = plt.subplots(figsize=(6.4, 0.9 + 0.25 * len(labels)))
     for place, rows in enumerate(groups.values()):
@@ -33,7 +33,7 @@ def spans(groups: dict[str, pd.DataFrame], value: str, xlabel: str, log: bool = 
 
 
 def plain(ax: Axes) -> None:
-    """Write the numbers of a short logarithmic axis as numbers."""
+    """Label a short logarithmic axis with plain numbers instead of powers of ten."""
     low, high = ax.get_xlim()
     between = (0.7, 1.5, 3) if high < 30 * low else ()  # on a longer axis they would overlap
     ticks = sorted([0.5, 1, 2, 5, 10, 20, 50, 100, 1000, *between])
@@ -65,7 +65,7 @@ def over_rolloff(table: pd.DataFrame, terms: tuple[str, ...] = ("quiet", "loud")
 
 
 def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
-    """Draw by how much a further derivative reduces the least IAE over the noise limit, a panel for each plant."""
+    """Draw the saving of least IAE by a further derivative over the noise limit, in a panel for each plant."""
     rows = -(-len(names) // 2)
     figure, axes = plt.subplots(
         rows, 2, figsize=(6.4, 0.5 + 1.9 * rows), sharex=True, sharey=True, squeeze=False
@@ -85,7 +85,7 @@ def savings(table: pd.DataFrame, names: list[str], worth: float) -> None:
 
 
 def heat(tables: dict[str, pd.DataFrame], rows: str) -> None:
-    """Draw the saving of IAE by acceleration, a panel for each family, noise to the right."""
+    """Draw the saving of IAE by acceleration, in a panel for each family, with the noise limit to the right."""
     count = -(-len(tables) // 2)
     figure, axes = plt.subplots(count, 2, figsize=(6.4, 0.6 + 2.3 * count), squeeze=False)
     for ax, (title, table) in zip(axes.flat, tables.items(), strict=False):

@@ -21,12 +21,12 @@ LESS_ROBUST = 2.0  # the other limit of Ms for which the study has a frontier
 
 
 def curves(ms: float = tables.MS) -> pd.DataFrame:
-    """Return the frontier at one Ms."""
+    """Return the rows of the frontier with the limit `ms` of Ms."""
     return tables.read("frontier").query("ms_limit == @ms")
 
 
 def acceleration_map() -> pd.DataFrame:
-    """Return the map at the Ms of the frontier."""
+    """Return the rows of the map with the same limit of Ms as the frontier."""
     return tables.read("acceleration_map").query("ms_limit == @tables.MS")
 
 
@@ -36,7 +36,7 @@ def by_order(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def coverage() -> Markdown:
-    """Say how much of the study is complete."""
+    """Say how many plants and designs the study has, and for which cases it found no controller."""
     table = curves()
     none = table[table["iae"].isna()]
     named = ", ".join(f"{row.plant}, {KINDS[row.order]} at {row.noise_limit:g}" for row in none.itertuples())
@@ -48,7 +48,7 @@ def coverage() -> Markdown:
 
 
 def steps() -> pd.DataFrame:
-    """Return for each plant the saving by the next kind at the loudest noise, and the noise where it is a tenth."""
+    """Return the saving by each kind at the largest noise limit, and the smallest limit at which it is a tenth."""
     wide = by_order(curves())
     rows = {}
     for plant, table in wide.groupby(level="plant", sort=False):
@@ -79,13 +79,13 @@ def savings(ms: float = tables.MS) -> pd.DataFrame:
 
 
 def bought() -> pd.DataFrame:
-    """Return by how much the least IAE is smaller at the larger Ms, in the median over plants and noise."""
+    """Return the median reduction of the least IAE by the larger limit of Ms, over plants and noise limits."""
     smaller = (1 - by_order(curves(LESS_ROBUST)) / by_order(curves())).median()
     return pd.DataFrame([smaller.map("{:.0%}".format).to_list()], ["IAE smaller by"], KINDS)
 
 
 def mapped() -> dict[str, pd.DataFrame]:
-    """Return the savings by acceleration, a table for each family: dead time downwards, noise to the right."""
+    """Return the savings by acceleration in a table for each family, with dead times as rows and noise as columns."""
     wide = by_order(acceleration_map())
     saves = (1 - wide[2] / wide[1]).rename("saves").reset_index()
     parts = saves["plant"].str.extract(r"^(?P<family>.*?) ?delay=(?P<delay>[0-9.]+)$")
@@ -100,7 +100,7 @@ def mapped() -> dict[str, pd.DataFrame]:
 
 
 def law() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Describe on which plants of frontier and map acceleration pays: a fit, the farthest plants, exceptions."""
+    """Return a fit of the saving by acceleration, the plants farthest from it, and exceptions to the rules of thumb."""
     wide = by_order(pd.concat([curves(), acceleration_map()]))
     saves = (1 - wide[2] / wide[1]).dropna().rename("saves").reset_index()
     saves = saves.merge(tables.read("processes")[["plant", "rolloff", "dead_time"]], on="plant")

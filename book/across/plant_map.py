@@ -1,4 +1,4 @@
-"""The map of the page, from roll-off and dead time of a plant to a kind, a rule, a saving, and the lab."""
+"""Show a map of plants by roll-off and dead time, with the controller, its saving, a rule and a link to the lab."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ DEAD = (-np.inf, 1e-3, 0.1, 0.2, 1 / 3, 2 / 3, np.inf)
 ROWS = ("< 0.5", "0.5–1", "1–1.5", "1.5–2", "≥ 2")
 COLUMNS = ("0", "< 0.1", "0.1–0.2", "0.2–0.33", "0.33–0.67", "≥ 0.67")
 FEW = 3  # number of plants of a field on which a rule must work to be recommended
-DIGITS = 9  # if plants or rules are equal to these digits, the first one is used
+DIGITS = 9  # plants or rules that agree to so many digits count as equal, and the first one is used
 UPWARDS = "writing-mode: vertical-rl; transform: rotate(180deg); width: 1.6rem"
-PERIODS = 6.0  # ultimate periods that the lab shows
+PERIODS = 6.0  # time that the lab shows, in ultimate periods
 
 
 def fields() -> pd.DataFrame:
@@ -51,7 +51,7 @@ def facts(some: pd.DataFrame, study: tuple[pd.DataFrame, ...]) -> dict[str, obje
 
 
 def lab(plant: pd.Series, kind: str) -> str:
-    """Return the address of the lab with a plant, the best controller of a kind, and that of the kind below."""
+    """Return the address of the lab with a plant, the best controller of a kind, and the best of the kind below."""
     num, den = ([float(x) for x in plant[key].split()] for key in ("num", "den"))
     given = {"num": num, "den": den, "delay": float(plant["delay"])}
     given["end"] = float(f"{PERIODS * plant['ultimate_period']:.3g}")
@@ -63,7 +63,7 @@ def lab(plant: pd.Series, kind: str) -> str:
 
 
 def advice(rule: str | None, distance: float | None) -> str:
-    """Return the rule to use, one on which the optimum saves less than a tenth of the IAE, or else the optimum."""
+    """Return advice: use the rule if the optimum saves less than a tenth of its IAE, otherwise use the optimum."""
     if rule is None:
         return "No rule works here. Use the optimum, from the lab or pidalab.tune."
     far = f"{rule} is the best rule. It has {distance:.2f} times the least IAE in the median"

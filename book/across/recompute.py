@@ -1,4 +1,4 @@
-"""Compute a random part of the tables again by the library, and compare. The tests of the pages do it."""
+"""Compute a random part of the tables again with the library, and compare. The tests of the pages call `drift`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from pidalab.simulation.exact import simulate_until_settled
 
 import tables
 
-DRIFT = 2e-3  # relative; the tables have five digits
-DRIFT_OPTIMUM = 1e-2  # an optimum is flat, so a search may end slightly elsewhere
+DRIFT = 2e-3  # allowed relative difference; the tables have five digits
+DRIFT_OPTIMUM = 1e-2  # the same for a new search, which may end slightly elsewhere on a flat optimum
 
 
 def process(row: Any) -> pidalab.Process:
@@ -43,7 +43,7 @@ def optimum(row: Any, plant: Any) -> float:
 
 
 def stored(row: Any, plant: Any) -> float:
-    """Return the IAE of the stored controller of a row, in units of the plant, infinite if it violates Ms."""
+    """Return the IAE of the stored controller of a row, in units of the plant, infinite if it violates the Ms limit."""
     unit, period = plant.ultimate_gain, plant.ultimate_period
     gains = [row[f"k{k}"] * unit * period**k for k in range(-1, row["order"] + 1)]
     controller = pidalab.HighOrderPID(gains, row["filter_time"] * period, row["order"] + 1)
@@ -62,8 +62,9 @@ def load_iae(loop: pidalab.Loop, plant: Any) -> float:
 def drift(share: float, searched: int, seed: int | None = None) -> str:
     """Compute a random share of the rows and a few optima again. Raise if one is wrong.
 
-    An optimum is wrong if its stored controller has another IAE or violates Ms, or if a new search finds a better one.
-    A search that ends above it proves nothing. Each run has a new seed, which the error names.
+    An optimum is wrong if its stored controller has another IAE or violates the limit of Ms, or if a new search finds
+    a smaller IAE. A search that ends at a larger IAE proves nothing. Without `seed` each run draws a new seed, which
+    the error names.
     """
     drawn = int(np.random.SeedSequence(seed).generate_state(1)[0]) if seed is None else seed
     rng, plants = np.random.default_rng(drawn), tables.read("processes").set_index("plant")

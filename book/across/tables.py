@@ -16,8 +16,8 @@ from pidalab.comparison import benchmarking
 DATA = Path(__file__).parents[1] / "data"
 KINDS = ("PI", "PID", "PIDA")
 MS = 1.4  # maximum sensitivity at equal terms
-NOISE = {"quiet": 0.3, "loud": 1.5}  # relative noise gain
-WORTH = 0.1  # least saving of IAE by the next kind, at equal Ms and noise, that pays
+NOISE = {"quiet": 0.3, "loud": 1.5}  # limit of the relative noise gain for each of the equal terms
+WORTH = 0.1  # the next kind pays if it saves at least this share of the IAE, at equal Ms and noise
 NEAR = 1.2  # a rule with at most this multiple of the least IAE is as good as the best for most purposes
 SERVES = 0.75  # share of a class of plants on which a rule must work to be recommended
 CLASSES = (
@@ -25,7 +25,7 @@ CLASSES = (
     "lag-dominated",
     "balanced",
     "delay-dominated",
-)  # thirds of the normalised dead time
+)  # the last three are thirds of the normalised dead time
 
 
 def read(name: str) -> pd.DataFrame:
@@ -44,7 +44,7 @@ def plants() -> pd.DataFrame:
 
 
 def optima(ms: float = MS) -> pd.DataFrame:
-    """Return the best controllers, with the names of kinds and terms."""
+    """Return the best controllers at one Ms, with columns for the names of kind and terms."""
     table = read("optima").query("ms_limit == @ms")
     terms = {noise: name for name, noise in NOISE.items()}
     kinds = dict(enumerate(KINDS))
@@ -52,13 +52,13 @@ def optima(ms: float = MS) -> pd.DataFrame:
 
 
 def frontier() -> pd.DataFrame:
-    """Return the least IAE of each plant, with a row for each of the terms and a column for each kind."""
+    """Return the least IAE, with a row for each plant and terms (quiet or loud), and a column for each kind."""
     found = optima().pivot_table(index=["plant", "terms"], columns="kind", values="iae")
     return found[[kind for kind in KINDS if kind in found]]
 
 
 def compared(terms: str) -> pd.DataFrame:
-    """Return every rule at equal terms, with its IAE over the least of its kind and of all kinds."""
+    """Return every rule at equal terms, with its IAE divided by the least IAE of its kind and of all kinds."""
     rules = read("comparison").query("terms == @terms")
     least = frontier().xs(terms, level="terms")
     of_kind = least.stack().rename("least_of_kind").reset_index()
@@ -68,7 +68,7 @@ def compared(terms: str) -> pd.DataFrame:
     return out.assign(of_kind=out["iae_load"] / out["least_of_kind"], of_best=out["iae_load"] / out["least"])
 
 
-SPELLED = {  # names in the library that are abbreviations, or for one of two tests
+SPELLED = {  # readable names of rules whose names in the library are abbreviations or contain a test
     "amigo": "AMIGO",
     "direct load": "direct search (load)",
     "direct setpoint": "direct search (set point)",
@@ -97,7 +97,7 @@ def spelled(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def with_kind(rule: str, kind: str) -> str:
-    """Return the name of a rule with its kind, unless it ends with that."""
+    """Return the name of a rule followed by its kind, unless the name already ends with the kind."""
     return written(rule) if is_of(rule, kind) else f"{written(rule)} {kind}"
 
 
@@ -107,7 +107,7 @@ def is_of(rule: str, kind: str) -> bool:
 
 
 def served() -> pd.DataFrame:
-    """Count the outcomes of every rule on all plants, with all rows of the study."""
+    """Count for every rule the plants with a stable loop, an unstable loop, a refusal, and the common Ms reached."""
     own = read("comparison").query("terms == 'own'")
     fate = np.select(
         [own["ms"].notna() & (own["ms"] > 0), own["reason"].str.contains("unstable", na=False)],
@@ -121,7 +121,7 @@ def served() -> pd.DataFrame:
 
 
 def ranking(terms: str = "loud") -> pd.DataFrame:
-    """Rank rules by the median of their distance to the frontier of all kinds at equal terms."""
+    """Rank rules by the median of their IAE at equal terms, divided by the least IAE of all kinds."""
     table = compared(terms).dropna(subset=["of_best"])
     groups = table.groupby(["rule", "kind"])
     out = pd.DataFrame(
@@ -137,7 +137,7 @@ def ranking(terms: str = "loud") -> pd.DataFrame:
 
 
 def own_settings() -> pd.DataFrame:
-    """Return robustness and noise of rules with their authors' settings, and the worst values of a wrong model."""
+    """Return Ms and noise of rules with their authors' settings, and count loops that a wrong model makes unstable."""
     own = read("comparison").query("terms == 'own'").dropna(subset=["ms"])
     groups = own.groupby(["rule", "kind"])
     out = {
@@ -151,7 +151,7 @@ def own_settings() -> pd.DataFrame:
 
 
 def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:
-    """Return the rule with the smallest median distance among those that work on enough plants of a class."""
+    """Return for each group the rule with the smallest median of `distance` that works on enough plants of a class."""
     count = plants().groupby("class", observed=True).size()
     table = compared(terms).dropna(subset=[distance])
     groups = table.groupby(["class", "kind", "rule"], observed=True)[distance]
@@ -164,7 +164,7 @@ def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:
 
 
 def pays() -> pd.DataFrame:
-    """Return the saving by acceleration on every plant, at both terms: 1 - IAE of PIDA over that of PID."""
+    """Return the saving by acceleration on every plant, for quiet and loud noise: 1 - (IAE of PIDA)/(IAE of PID)."""
     least = frontier().reset_index()
     return least.assign(saves=1 - least["PIDA"] / least["PID"], pid=1 - least["PID"] / least["PI"]).merge(
         plants(), on="plant"

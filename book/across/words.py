@@ -10,7 +10,7 @@ from IPython.display import HTML, Markdown
 
 import tables
 
-ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # limits of one and of two lags
+ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # limits of the classes of roll-off (1 is that of one lag)
 FEW = 20  # number of plants on which a rule must work to be drawn
 
 
@@ -66,7 +66,7 @@ def kind(pid: float, pida: float) -> str:
 
 
 def simplest() -> pd.DataFrame:
-    """Return for each plant and both limits of noise the kind to use, the last one that pays."""
+    """Return for each plant and both noise limits the kind to use: PIDA if it pays, else PID if it pays, else PI."""
     found = tables.optima().pivot_table(index=["plant", "noise_limit"], columns="order", values="iae")
     table = found[[0, 1, 2]].dropna()
     enough = [
@@ -77,7 +77,7 @@ def simplest() -> pd.DataFrame:
 
 
 def nearest() -> pd.DataFrame:
-    """Return for each class of plants the rules nearest to the best of their kind, and to the best of all."""
+    """Return for each class of plants the rules nearest to the optimum of their kind, and to the optimum of all."""
     of_all = tables.nearest("loud", ["class"], "of_best")
     of_all["rule"] = [tables.with_kind(*pair) for pair in of_all[["rule", "kind"]].to_numpy()]
     of_all = of_all.assign(kind="all").set_index("kind", append=True)
@@ -121,7 +121,7 @@ def answer() -> HTML:
 
 
 def model_error() -> pd.DataFrame:
-    """Return the loss of the optima for errors of a fifth in the model, and the number of rules that lose less."""
+    """Return Ms and IAE of the optima with model errors of 20 %, and count the rules with a smaller Ms."""
     best = tables.optima().query("terms == 'loud'").dropna(subset=["iae"])
     medians = {name: rows["ms_worst"].median() for name, rows in by_worst().items()}
     rows = {}
@@ -144,7 +144,7 @@ def model_error() -> pd.DataFrame:
 
 
 def by_distance(terms: str) -> dict[str, pd.DataFrame]:
-    """Return rules at equal terms by the median of their distance to the frontier, and the optima of each kind."""
+    """Return rules at equal terms and the optima of each kind, sorted by median IAE divided by the least IAE."""
     rules = tables.compared(terms).dropna(subset=["of_best"])
     rules = rules[rules.groupby(["rule", "kind"])["plant"].transform("size") >= FEW]
     least = tables.frontier().xs(terms, level="terms")
@@ -154,7 +154,7 @@ def by_distance(terms: str) -> dict[str, pd.DataFrame]:
 
 
 def by_worst() -> dict[str, pd.DataFrame]:
-    """Return rules and optima at loud equal terms by the median of the largest Ms over changed plants."""
+    """Return rules and optima for loud noise, sorted by the median of the largest Ms over changed plants."""
     rules = tables.compared("loud").dropna(subset=["ms_worst"])
     rules = rules[rules.groupby(["rule", "kind"])["plant"].transform("size") >= FEW]
     best = tables.optima().query("terms == 'loud'").dropna(subset=["ms_worst"])
@@ -168,7 +168,7 @@ def ordered(table: pd.DataFrame, value: str) -> dict[str, pd.DataFrame]:
 
 
 def coverage() -> Markdown:
-    """Say how much of the studies is complete, all of the 134 plants or those that have run."""
+    """Say for how many of the 134 plants the studies have rules and optima, and how many designs failed."""
     everything = len(tables.plants())
     rules, best = tables.read("comparison")["plant"].nunique(), tables.optima()["plant"].nunique()
     rows = tables.read("comparison")

@@ -24,7 +24,7 @@ process = {case: processes[case[:3]] for case in cases}
 ms = {case: asked[case[-4:]] for case in cases}
 twin = {case: case.replace("pida", "pid") for case in cases if "pida" in case}
 
-# End times of the printed IAE; records of measurement noise.
+# `horizon` has the end times of the printed IAE, `noise` has twenty records of measurement noise.
 horizon = {case: 20 if "ex1" in case else 40 if ms[case] < 2 else 60 for case in cases}
 noise = np.array([pidalab.uniform_noise(t, 0.1, seed) for seed in range(20)])
 
@@ -49,7 +49,7 @@ def designs(book):
 
 
 def read(ex, step, levels, way):
-    """Return the parameters of eq. (5) read at these levels, by their names in the ledger."""
+    """Return the parameters by eq. (5), from a response sampled every `step` and read at these levels."""
     t = np.arange(0, 60 + step / 2, step)
     y = pidalab.open_loop_step(processes[ex], t).y
     if way == "interpolated":
@@ -71,7 +71,7 @@ def draw(loop, ex, ms):
     ends = (
         4 if ex == "ex1" else 15,
         last,
-    )  # u after a step of the set point, and of the load
+    )  # ends of the time axis of u: after the set-point step, after the load step
     for (y, u), (test, step), end in zip(axes.T, tests.items(), ends, strict=True):
         runs = {label: loop[f"{ex}.{kind}.{ms}"] for kind, label in kinds.items()}
         clean = {k: pidalab.simulate(x, t, **step) for k, x in runs.items()}
@@ -129,7 +129,7 @@ def read_own_model(ratio, alpha):
 
 
 def with_peak(loop, top, t):
-    """Return a step response. If u exceeds `top`, a prefilter 1/(T s + 1)² limits u."""
+    """Return a step response. If u exceeds `top`, a prefilter 1/(T s + 1)² lowers the peak of u to `top`."""
 
     def run(T):
         blocks = loop.process, loop.controller, loop.output_filter
@@ -144,7 +144,7 @@ def with_peak(loop, top, t):
 
 
 def at_ms(process, controller, ms, order, time):
-    """Return the loop with an output filter 1/(time s + 1)^order and the gain for this Ms."""
+    """Return the loop with an output filter 1/(time s + 1)^order and the gains scaled for this Ms."""
     F = haalman.OutputFilter(time, order, np.nan)
     k = pidalab.gain_for_ms(pidalab.Loop(process, controller, F), ms)
     return pidalab.Loop(process, k * controller, F)
@@ -174,7 +174,7 @@ def load_iae(loop):
     return pidalab.load_response(loop, np.linspace(0, 400, 8001)).iae(np.inf)
 
 
-# The paper's words for the parts of an id.
+# The paper's notation for the parts of names in the ledger.
 words = {"ex1": "Example 1", "ex2": "Example 2", "pida": "PIDA", "pid": "PID"}
 words |= {"ms14": "Ms 1.4", "ms20": "Ms 2.0", "topdt": "model", "sopdt": "model"}
 words |= {"k": "K", "l": "L", "alpha": "α", "tau": "τ", "delay": "dead time"}

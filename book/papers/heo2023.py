@@ -174,7 +174,7 @@ def measures(model, controller, test):
     run = TESTS[test](loop, np.linspace(0, 80, samples))
     over = math.nan
     if test == "setpoint":
-        with warnings.catch_warnings():  # 0.1 % of overshoot is enough
+        with warnings.catch_warnings():  # an overshoot to within 0.1 % is exact enough
             warnings.simplefilter("ignore", RuntimeWarning)
             over = run.overshoot()
     kick = pidalab.step_response(loop, [0.0, 0.01]).u[0]

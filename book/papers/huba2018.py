@@ -1,7 +1,7 @@
 """Orders, plants and a simulated thermal plant for the pages on huba2018.
 
-The records of the thermal plant of sec. V are not published. A simulated twin has an assumed structure. Identified
-like the paper's plant, it gives the printed model (17).
+The records of the thermal plant of sec. V are not published. So we simulate a twin with an assumed structure. The
+twin gives the printed model (17) if it is identified in the same way as the paper's plant.
 """
 
 from itertools import product
@@ -26,23 +26,23 @@ UNIT = pidalab.ipdt(gain=1.0, delay=1.0)
 THERMAL = pidalab.ipdt(gain=0.01, delay=5.0)  # model in the captions of Figs 5, 7, 8
 SAMPLE = 0.02  # s, sample time of the experiments
 LAMP = (0.0, 80.0)  # %, limits of the lamp power, sec. V.B
-TANGENT = {"gain": 0.01, "delay": 5.56}  # the printed model, eq. (17)
+TANGENT = {"gain": 0.01, "delay": 5.56}  # printed model (17), delay in s
 
 
 def equal_servo(m, ie):
-    """Return the T_e that gives UNIT the IE `ie` after a set-point step, eq. (15)."""
+    """Return the T_e with which the loop with UNIT has the IE `ie` after a set-point step, eq. (15)."""
     one, weights = mrdp.constants(m), mrdp.prefilter_weights(m, m + 1)
     return ie / ((1 - weights[0]) * one.integral_time) - 1
 
 
 def equal_load(m, ie):
-    """Return the T_e that gives UNIT the IE `ie`, which is T_i/K_c, after a load step."""
+    """Return the T_e with which the loop with UNIT has the IE `ie` = T_i/K_c after a load step."""
     one = mrdp.constants(m)
     return np.sqrt(ie * one.gain / one.integral_time) - 1
 
 
 def noise_in_u(loop, samples=250):
-    """Return the standard deviation of u per unit of white noise, with `samples` values in a dead time."""
+    """Return the standard deviation of u for white noise of unit deviation with `samples` values per dead time."""
     w = np.linspace(0.0, samples * np.pi, 10_001)[1:]
     return np.sqrt(np.mean(np.abs(loop.transfer("u", "n", 1j * w)) ** 2))
 
@@ -54,7 +54,7 @@ def thermal_plant(
 
     The lamp power w is u after the dead time `delay`. A body x follows w: T dx/dt = w - x, with T = `rise`
     where w > x, else `fall`. Output: y = K [(1 - share + share/(conduction s + 1)) x - dip w]/(T_l s + 1)^lags.
-    K and T_l give an upward step the steepest tangent (17).
+    K and T_l are chosen such that the steepest tangent of an upward step gives the model (17).
     """
 
     def plant(gain, lag):
@@ -68,7 +68,7 @@ def thermal_plant(
 
     t = np.linspace(0.0, 15 * TANGENT["delay"], 6001)
 
-    # The true dead time adds to the delay of the tangent, so `tangent` omits it.
+    # `tangent` has no dead time. The dead time of the plant is added to the delay of the tangent below.
     def tangent(lag):
         rising = plant(1.0, lag).rising
         undelayed = pidalab.Process(rising.num, rising.den)
@@ -81,7 +81,7 @@ def thermal_plant(
 def experiment(design, plant, anti_windup=None, hold=200.0):
     """Warm up to 10 K, step the set point to 15 K and back, each for `hold` s.
 
-    The temperatures are assumed.
+    We assumed these temperatures above ambient.
     """
     r = np.repeat([10.0, 15.0, 10.0], round(hold / SAMPLE))
     t = SAMPLE * np.arange(r.size)
@@ -91,7 +91,7 @@ def experiment(design, plant, anti_windup=None, hold=200.0):
 
 
 def measures(run, hold=200.0):
-    """Measure both steps. A loop outside 5 % in the last fifth of `hold` is not settled."""
+    """Measure both steps. A loop has settled if y stays within 5 % of the set point in the last fifth of `hold`."""
     found = {}
     for way, start in (("up", hold), ("down", 2 * hold)):
         part = run.between(start, start + hold)
@@ -106,7 +106,7 @@ def measures(run, hold=200.0):
 
 
 def tried(designs, plant, hold=200.0):
-    """Return runs without protection and with clamping, and a table of overshoot and settling."""
+    """Run designs without anti-windup and with clamping. Return the runs and a table of overshoot and settling."""
     runs, tables = {}, {}
     for (name, design), way in product(designs.items(), ("none", "clamping")):
         protection = None if way == "none" else way
@@ -118,7 +118,7 @@ def tried(designs, plant, hold=200.0):
 
 
 def drawn(runs, size=(6.4, 3.2)):
-    """Draw temperature and set point above lamp power."""
+    """Draw temperature and set point, and below them the lamp power."""
     figure = plots.experiment(runs, "temperature, K", "lamp power, %", "time, s")
     figure.set_size_inches(size)
 
@@ -126,8 +126,8 @@ def drawn(runs, size=(6.4, 3.2)):
 def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
     """Return times and output of a loop on UNIT, simulated as by a solver with variable steps.
 
-    The solver is Dormand and Prince's pair with the usual tolerances and longest step. Between the ends of past steps
-    the delayed control signal is interpolated linearly.
+    The solver is Dormand and Prince's pair with the usual tolerances. A step is at most a fiftieth of `end`. Between
+    the ends of past steps the delayed control signal is interpolated linearly.
     """
     blocks = design.loop().blocks
     parts = [ss(TransferFunction(*blocks[x])) for x in ("controller", "prefilter")]
@@ -168,7 +168,7 @@ def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
     return times[: k + 1], np.array(out)
 
 
-# The paper's words for the parts of an id.
+# The paper's notation for the parts of names in the ledger.
 WORDS = {"ko": "K_o", "tau_i": "τ_io", "table4": "IAE_s/T_d"}
 WORDS |= {f"tau{j}": f"τ_{j}o" for j in range(1, 5)} | {
     f"n{n}": f"n = {n}" for n in range(7)

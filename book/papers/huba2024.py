@@ -50,7 +50,7 @@ def sampled(loop, step, bounds=None, end=60.0, h=T_S, **options):
 
 
 def runs(names=DESIGNS, bounds=None):
-    """Return the responses by name and step. PI takes 300 time units."""
+    """Return the responses by name and step. The run of PI lasts 300 time units, the others last 60."""
     ends = {"PI": 300.0}
     return {
         (name, step): sampled(DESIGNS[name].loop(), step, bounds, ends.get(name, 60.0))
@@ -75,7 +75,7 @@ def shapes(runs, *names):
         of_y = 1.0 if step == "setpoint" else np.max(np.abs(r.y))
         changes = of_y, np.ptp(np.append(r.u, 0.0))
         for signal, e, size in zip("yu", excess(r, step), changes, strict=True):
-            # A smaller excess is rounding.
+            # An excess below a billionth of the change is a rounding error.
             e = e if e > 1e-9 * size else 0.0
             found[f"{name}, {signal} after the {step}"] = e, size
     return found
@@ -119,7 +119,7 @@ def worst(p, step="load"):
 
 @dataclass(frozen=True)
 class Series(Controller):
-    """Stabilising controller of any degree with automatic reset. The gains ascend in powers of s."""
+    """Stabilising controller of any degree with automatic reset. `stabiliser` has gains in ascending powers of s."""
 
     stabiliser: tuple[float, ...]
     ti: float
@@ -169,7 +169,7 @@ def behind(lag, filter_time):
 
 
 def dryer(gain, delay, rise=4.0, sensor=10.0, transport=5.0):
-    """Return a simulated dryer from V to K, and the T_f with which its tangent is the model (32).
+    """Return a simulated dryer from V to K, and the T_f with which the tangent of the filtered step response is (32).
 
     The final rise in K/V, the lag of the sensor and the transport delay are assumed.
     """
@@ -198,7 +198,7 @@ def dryer_record(process, seed):
 
 
 def dryer_runs(process, filter_time, gain, delay):
-    """Run PI, PID and PIDA_1 on the dryer from 25 to 80 °C, clean and with noise."""
+    """Run PI, PID and PIDA_1 on the dryer from 25 to 80 °C, without and with noise."""
     real = {"noise": pidalab.uniform_noise(CLOCK, 0.3, seed=6)}
     real |= {"quanta": (0.1, 0.0), "pulse_widths": 255}
     model, clean, noisy = pidalab.ipdt(gain, delay=delay), {}, {}
@@ -239,7 +239,7 @@ def draw_dryer(process, filter_time, gain, delay):
     return figure
 
 
-# The paper's words for the parts of an id.
+# The paper's notation for the parts of names in the ledger.
 WORDS = {"tau0": "τ_0", "kappa": "κ", "tau_i": "τ_i", "tau_d": "τ_D", "tau_a": "τ_A"}
 WORDS |= {"s0": "s_0 T_d", "kp": "K_p K_s T_d", "ti": "T_i/T_d", "td": "T_D/T_d"}
 WORDS |= {"kd": "K_d K_s", "ka": "K_a K_s/T_d", "ta2": "T_A²/T_d²", "re": "real part"}

@@ -34,7 +34,7 @@ def rows(quantity: str) -> pd.DataFrame:
 
 
 def machine() -> Markdown:
-    """Return the machine and the packages of the tables, from the line above each. Once if only the load differs."""
+    """Return machine and packages from the first line of each table. Join lines that differ only in the load."""
     heads = (
         (DATA / f"{name}.csv").read_text(encoding="utf-8").partition("\n")[0]
         for name in FILES
@@ -189,7 +189,7 @@ def optimum() -> pd.DataFrame:
 
 
 def engines() -> pd.DataFrame:
-    """Return error and time ratio of each method at its most exact setting on four loops of huba2018."""
+    """Return error and time ratio of each method on four loops of huba2018, at its most exact setting for each loop."""
     table = read(FILES[1])
     best = table.loc[
         table.groupby(["m", "n", "te", "method"], sort=False)["error"].idxmin()
@@ -220,7 +220,7 @@ def portraits() -> pd.DataFrame:
 
 
 def ten_million() -> Markdown:
-    """Estimate the time of a portrait of ten million loops from that of the measured ones."""
+    """Estimate the time of a portrait of ten million loops from the measured times."""
     table = read(FILES[2]).set_index("method")
     each = table["cpu_seconds"]["portrait"] / table["sets"]["portrait"]
     one, two = (
