@@ -20,7 +20,10 @@ def of_control(system: Any) -> bool:
 
 
 class Block:
-    """Arithmetic of plants and controllers: ``2 * block``, ``block / 2``, ``-block``, products with python-control."""
+    """Base class of processes and controllers, for ``2 * block``, ``block / 2``, ``-block`` and products.
+
+    The other factor of a product is a number or a system of python-control.
+    """
 
     __array_ufunc__ = None  # makes numpy leave products to this class
 
@@ -211,7 +214,7 @@ class Process(Block):
 
 
 def fraction_at(num: _check.Array, den: _check.Array, s: ArrayLike, delay: float = 0.0) -> tuple[Any, Any]:
-    """Return num exp(-s delay) and den at complex s, or raise on overflow."""
+    """Return num exp(-s delay) and den at complex s. Raise ValueError on overflow."""
     points = _check.complex_array("s", s)
     try:
         with np.errstate(over="raise", invalid="raise"):
@@ -363,7 +366,7 @@ def ipdt(gain: float, delay: float) -> Process:
     Parameters
     ----------
     gain : float
-        Velocity gain: slope of the output divided by the input.
+        Velocity gain: slope of the output (change per time unit) divided by the constant input.
     delay : float
         Dead time, not negative.
 
@@ -429,17 +432,17 @@ class AsymmetricPlant:
     .. math:: T(w, x)\,\dot x = w - x, \quad T = T_{rise} \text{ where } w > x, \text{ otherwise } T_{fall};
               \qquad y = G(s)\,x + D(s)\,w; \qquad w(t) = v(t - L)
 
-    where v is the input and x the state of the store. At rest x = w, so the static gain is the same in both directions.
-    Signals may therefore be taken relative to any state of rest.
+    where v is the input, w the delayed input, x the state of the store, and y the output. At rest x = w, so the static
+    gain is the same in both directions. Therefore each signal may be measured from its value at any state of rest.
 
     Parameters
     ----------
     main : control.TransferFunction
-        G, the proper path from the store to the output.
+        G, the proper transfer function from the state x of the store to the output.
     rise, fall : float
         Time constants of the store, above 0.
     direct : control.TransferFunction or float, optional
-        D, the proper path that bypasses the store.
+        D, the proper transfer function from the delayed input w to the output, in parallel with the store.
     delay : float, optional
         Dead time L, not negative.
 
@@ -483,7 +486,7 @@ class AsymmetricPlant:
         (main, under), (past, below) = rational("main", self.main), rational("direct", self.direct)
         under = np.convolve(under, [time, 1.0])
         extra, rest = np.polydiv(under, below) if under.size >= below.size else (np.ones(1), under)
-        # If the denominator `below` divides the denominator `under`, their common denominator is `under`.
+        # If the denominator `under` is a multiple of the denominator `below`, the common denominator is `under`.
         if np.max(np.abs(rest)) < 1e-12 * np.max(np.abs(under)):
             return Process(np.polyadd(main, np.convolve(past, extra)), under, self.delay)
         num = np.polyadd(np.convolve(main, below), np.convolve(past, under))

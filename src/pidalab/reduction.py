@@ -1,10 +1,10 @@
 r"""Reduce any stable process to a model of first or second order with dead time (heo2023).
 
-Both reductions keep the static gain and the phase at the ultimate frequency :math:`\omega_u`, at which the phase of
-:math:`G(j\omega)/G(0)` first falls below :math:`-\pi`. The paper names its source for the reduction but does not give
-the method. The method used here reproduces all 24 parameters of Tables 4 to 6. The fit of second order gives ten
-frequencies equal weights. With other weights, or with 9 or 11 frequencies, its models differ from the tables in the
-third decimal.
+Both reductions keep the static gain. They also keep the phase at the ultimate frequency :math:`\omega_u`, which is the
+frequency at which the phase of :math:`G(j\omega)/G(0)` first falls below :math:`-\pi`. The paper names its source for
+the reduction but does not describe the method. The method used here reproduces all 24 parameters of Tables 4 to 6. The
+second-order fit uses ten frequencies with equal weights. With other weights, or with 9 or 11 frequencies, the
+second-order models differ from the tables in the third decimal.
 """
 
 from __future__ import annotations
@@ -57,13 +57,14 @@ class SecondOrderModel(NamedTuple):
 def ultimate_frequency(process: Process) -> float:
     r"""Compute the lowest frequency at which the phase of :math:`G(j\omega)/G(0)` falls below :math:`-\pi`.
 
-    With an integrator the phase starts at :math:`-\pi/2`.
+    If the process has an integrator, :math:`G(0)` is the static gain without the integrator, and the phase starts at
+    :math:`-\pi/2`.
 
     Parameters
     ----------
     process : Process
-        Process that is stable or has one integrator. Its static gain must not be 0. No zero on the imaginary axis may
-        lie below the ultimate frequency, since the phase jumps there.
+        Process that is stable or has one integrator. Its static gain must not be 0. There must be no zero on the
+        imaginary axis below the ultimate frequency, because the phase jumps at such a zero.
 
     Returns
     -------
@@ -73,8 +74,9 @@ def ultimate_frequency(process: Process) -> float:
     Raises
     ------
     TypeError, ValueError
-        If `process` is not a `Process`, is unstable, or has two integrators, no static gain or no ultimate frequency.
-        If there is no dead time, the lags and zeros must turn the phase by more than 180°, as three lags do.
+        If `process` is not a `Process`, is unstable, or has more than one integrator, a static gain of 0 or no ultimate
+        frequency. A process without dead time has an ultimate frequency if its lags and zeros turn the phase by more
+        than 180°, as three lags do.
 
     Examples
     --------
@@ -96,7 +98,7 @@ def ultimate_frequency(process: Process) -> float:
 
     def phase(w: Array) -> Array:
         w = np.atleast_1d(w)
-        # The sum over all roots gives the number of turns, and the exact angle gives the remainder.
+        # `turned_phase`, a sum over all roots, gives the number of full turns. The more accurate angle gives the rest.
         exact = np.angle(axis.L(w))
         return exact + 2 * np.pi * np.round((turned_phase(unit, w) - exact) / (2 * np.pi)) - turned
 
@@ -112,12 +114,14 @@ def ultimate_frequency(process: Process) -> float:
 
 
 def turned_phase(process: Process, w: Array) -> Array:
-    """Compute the continuous phase, relative to the phase at frequency 0. Roots on the imaginary axis count as stable.
+    """Compute the continuous phase, relative to the phase at frequency 0.
+
+    Poles and zeros on the imaginary axis are treated as if they were in the left half-plane.
 
     Parameters
     ----------
     process : Process
-        Any process. Integrators are ignored.
+        Any process. Poles and zeros at 0 are ignored.
     w : ndarray, shape (n,)
         Frequencies in rad per time unit.
 
@@ -142,9 +146,9 @@ def turned_phase(process: Process, w: Array) -> Array:
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""Find the first-order model with dead time that equals a process at frequency 0 and the ultimate frequency.
+    r"""Find the first-order model with dead time that equals a process at 0 and at the ultimate frequency.
 
-    The parameters follow from :math:`m = |G(j\omega_u)/G(0)|`:
+    The parameters follow from the ultimate frequency :math:`\omega_u` and :math:`m = |G(j\omega_u)/G(0)|`:
 
     .. math:: \tau = \frac{\sqrt{1/m^2 - 1}}{\omega_u}, \qquad
               \theta = \frac{\pi - \arctan(\tau \omega_u)}{\omega_u}.
@@ -164,13 +168,13 @@ def to_fopdt(process: Process) -> FirstOrderModel:
     Returns
     -------
     FirstOrderModel
-        The parameters. Its ``process`` is the model.
+        Parameters of the model. The attribute ``process`` gives the model as a `Process`.
 
     Raises
     ------
     TypeError, ValueError
-        As for `ultimate_frequency`. Also if the process is integrating, or if its magnitude at ``wu`` is not below
-        the static gain.
+        As for `ultimate_frequency`. Also if the process is integrating, or if its magnitude at the ultimate frequency
+        is not below the magnitude of its static gain.
 
     References
     ----------
@@ -197,16 +201,16 @@ def to_fopdt(process: Process) -> FirstOrderModel:
 def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     r"""Reduce a process to a second-order model with dead time, by least squares up to the ultimate frequency.
 
-    With :math:`g(\omega) = |G(j\omega)/G(0)|^2` at equally spaced frequencies from 0 to :math:`\omega_u` (both
-    included), :math:`a` and :math:`b` solve the first equation below by least squares. The other two equations then
-    give τ and ζ:
+    The function :math:`g(\omega) = |G(j\omega)/G(0)|^2` is computed at equally spaced frequencies from 0 to
+    :math:`\omega_u` (both included). The numbers :math:`a` and :math:`b` solve the first equation below at these
+    frequencies by least squares. The other two equations then give the time constant τ and the damping ζ:
 
     .. math:: g(\omega)\,(1 + a\,\omega^2 + b\,\omega^4) = 1, \qquad
               b = \tau^4, \quad a = 4\tau^2\zeta^2 - 2\tau^2.
 
-    The dead time gives the model the phase :math:`-\pi` at :math:`\omega_u`. The dead time is never negative, because a
-    second-order lag turns the phase by at most :math:`\pi`. A process that is already a second-order model with dead
-    time is returned unchanged, for any damping.
+    The dead time is chosen so that the model has the phase :math:`-\pi` at :math:`\omega_u`. The dead time is never
+    negative, because a second-order lag turns the phase by at most :math:`\pi`. A process that is already a
+    second-order model with dead time is returned unchanged, for any damping.
 
     ============  ==================
     heo2023       here
@@ -221,12 +225,12 @@ def to_sopdt(process: Process, points: int = 10) -> SecondOrderModel:
     process : Process
         Stable process of any order, with any dead time and any static gain except 0.
     points : int, optional
-        Number of frequencies, at least 3. The models of the paper require 10.
+        Number of frequencies, at least 3. The default 10 gives the models of the paper.
 
     Returns
     -------
     SecondOrderModel
-        The parameters. Its ``process`` is the model.
+        Parameters of the model. The attribute ``process`` gives the model as a `Process`.
 
     Raises
     ------

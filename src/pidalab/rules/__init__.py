@@ -1,4 +1,4 @@
-"""Tuning rules. Each returns a `Design` for a model, or raises an error outside its range of validity."""
+"""Tuning rules. Each rule returns a `Design` for a model, or raises an error if the model is outside its range."""
 
 from pidalab.rules import automatic_reset, classical, direct, haalman, itae, magnitude_optimum, mrdp, registry
 from pidalab.rules._design import Design

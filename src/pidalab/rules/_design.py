@@ -120,7 +120,7 @@ class Design:
         """Return the digital controller for a sample time, including output filter and prefilter.
 
         If the output filter is a model of the sensor (as in `pidalab.tune`), the digital controller must not contain
-        it. Then use ``design.controller.discretise``.
+        this filter. In this case use ``design.controller.discretise``.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class Design:
         Raises
         ------
         TypeError, ValueError
-            As ``controller.discretise``.
+            As for ``controller.discretise``.
 
         Examples
         --------
@@ -201,7 +201,7 @@ class Design:
 
 
 def _block(block: Any) -> str:
-    """Write a block on one line with six digits. Transfer functions become lists of coefficients."""
+    """Write a block on one line, with numbers of six digits. Transfer functions become lists of coefficients."""
     if isinstance(block, Process) or hasattr(block, "fraction") or not hasattr(block, "num"):
         return six_digits(repr(block))
     num, den = (", ".join(f"{c:.6g}" for c in part) for part in rational("block", block))

@@ -31,12 +31,13 @@ def simc(
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \tau_2
 
-    The controller is in series form. The half rule keeps the largest lag τ_1 and, for PID, the second largest lag τ_2.
-    It adds half of the largest neglected lag to the smallest kept lag. The effective dead time θ is the sum of the dead
-    time, the other half of the largest neglected lag, all smaller lags, and the time constants of zeros in the right
-    half-plane. A zero in the left half-plane is cancelled by a lag of similar size (rules T1 to T3). An integrator
-    counts as an infinite lag. For a pure dead time the result is an integral controller. For a double integrator it is
-    a PID controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
+    The controller is in series form. K is the gain of the reduced model without its integrators. The half rule keeps
+    the largest lag τ_1 and, for PID, the second largest lag τ_2. It adds half of the largest neglected lag to the
+    smallest kept lag. The effective dead time θ is the sum of the dead time, the other half of the largest neglected
+    lag, all smaller lags, and the time constants of zeros in the right half-plane. A zero in the left half-plane is
+    cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite lag, and :math:`\tau_1/K`
+    becomes 1/K. For a pure dead time the result is an integral controller. For a double integrator the result is a PID
+    controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     Parameters
     ----------
@@ -57,8 +58,8 @@ def simc(
     Raises
     ------
     ValueError
-        If the model has another structure, if `kind` is "PI" for two integrators, or if `closed_loop_time` is missing
-        for a model without effective dead time (such as a single lag).
+        If the model does not have the structure above, if `kind` is "PI" for two integrators, or if `closed_loop_time`
+        is missing for a model without effective dead time (such as a single lag).
 
     Examples
     --------
@@ -92,8 +93,8 @@ def improved_simc(model: Process, *, closed_loop_time: float | None = None, n: f
     .. math:: k_c = \frac{\tau_1}{K (\tau_c + \theta)}, \quad \tau_I = \min(\tau_1, 4 (\tau_c + \theta)), \quad
               \tau_D = \frac{\theta}{3}
 
-    The controller is in series form. For a pure dead time the result is a PI controller with :math:`k_i = 1/(K (\tau_c
-    + \theta))` and :math:`k_p = k_i\,\theta/3`.
+    The symbols are those of `simc`. The controller is in series form. For a pure dead time the result is a PI
+    controller with :math:`k_i = 1/(K (\tau_c + \theta))` and :math:`k_p = k_i\,\theta/3`.
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def _from_series(kc: float, ti: float, td: float, n: float) -> PIDA:
 
 
 class Reduced(NamedTuple):
-    """A model that the half rule has reduced."""
+    """Model reduced by the half rule."""
 
     gain: float  # static gain without the integrators
     lags: tuple[float, ...]
@@ -176,12 +177,15 @@ class Reduced(NamedTuple):
 def _half_rule(model: Process, keep: int) -> Reduced:
     """Reduce a model to `keep` lags and integrators, and an effective dead time.
 
-    Notes ----- The effective dead time determines the rule for a zero in the left half-plane, and the rule changes the
-    dead time. Therefore the reduction is repeated until the dead time no longer changes. The result may depend on the
-    initial value, which the paper does not give. We start from `dead`, the dead time plus the time constants of zeros
-    in the right half-plane. If `dead` is 0, we start from the effective dead time of the lags alone. These values
-    reproduce the examples of the paper. If the iteration becomes periodic, the reduction with the longest dead time is
-    returned, which is cautious.
+    Notes
+    -----
+    The effective dead time decides which of the rules T1 to T3 applies to a zero in the left half-plane. The rule in
+    turn changes the effective dead time. Therefore the reduction is repeated until the effective dead time no longer
+    changes. The result may depend on the initial value, which the paper does not give. We start from `dead`, the dead
+    time plus the time constants of zeros in the right half-plane. If `dead` is 0, we start from the effective dead time
+    of the lags alone. These values reproduce the examples of the paper. If the effective dead time still changes after
+    `MOST_REDUCTIONS` reductions, the second half of the reductions is compared. The reduction with the longest
+    effective dead time is returned, because a longer dead time gives a more cautious controller.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")
@@ -210,9 +214,9 @@ def _half_rule(model: Process, keep: int) -> Reduced:
 def _without_leads(
     gain: float, lags: list[float], leads: list[float], integrators: int, delay: float
 ) -> tuple[float, list[float], int]:
-    """Replace each zero in the left half-plane and a lag of similar size by a gain. Rule T3 keeps a part of the lag.
+    """Replace each zero in the left half-plane, together with a lag of similar size, by a gain.
 
-    Rules T1 to T3 are in section 2.2 of Skogestad (2003).
+    Rule T3 keeps a part of the lag. Rules T1 to T3 are in section 2.2 of Skogestad (2003).
     """
     lags = list(lags)
     for lead in leads:

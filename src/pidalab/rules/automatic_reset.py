@@ -1,20 +1,24 @@
 r"""Series PI, PID and PIDA controllers with automatic reset for an integrator with dead time (huba2024).
 
-The module `pidalab.rules.mrdp` gives the controller in parallel form that places m + 3 poles of the loop at one point.
-Here the numerator N(x) of this controller, with :math:`x = T_d s`, is factored into the stabilising controller and the
-reset,
+The module `pidalab.rules.mrdp` computes PI, PID and PIDA controllers in parallel form. They place m + 3 poles of the
+loop at one point, where m is the order of the highest derivative. This module writes these controllers in series form,
+as a stabilising P, PD or PDA controller and an automatic reset. With :math:`x = T_d s`, where :math:`T_d` is the dead
+time, the numerator N(x) of `mrdp` is factored:
 
 .. math:: N(x) = \frac{\kappa}{\tau_i} (1 + \tau_D x + \tau_A x^2)(1 + \tau_i x).
 
-The reset contains the real zero that is farthest from 0, which gives the shortest reset time. PI has one zero, and PID
-has two real zeros. PIDA has one real zero,
+The gain κ and the first bracket belong to the stabilising controller. The second bracket belongs to the reset, whose
+time constant is :math:`\tau_i T_d`. The second bracket contains the real zero that is farthest from 0, because this
+zero gives the shortest reset time. PI has one zero, and PID has two real zeros. PIDA has one real zero,
 
 .. math:: -\tfrac{1}{\tau_i} = y - 3, \qquad y = \sqrt[3]{5 + 2\sqrt 6} + \sqrt[3]{5 - 2\sqrt 6},
 
-and a complex pair with the real part :math:`-3 - y/2`. The reset of this PIDA is slow. PIDA_1 sets the imaginary part
-of the pair to 0. This gives a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`, and the reset
-contains one of the two zeros, eqs. (27)-(29). PIDA_2 has a double zero with the time constant 1.5 τ_2. The paper found
-the gains of PPM-PIDA by a search (eq. (25)).
+and a complex pair of zeros with the real part :math:`-3 - y/2`. This controller, MRDP-PIDA, has a slow reset
+(:math:`\tau_i = 2.58`). The paper gives three PIDA controllers with a faster reset. In PIDA_1 the imaginary part of the
+complex pair is set to 0. The pair becomes a double zero with the time constant :math:`\tau_2 = 1/(3 + y/2) = 0.2322`,
+in units of :math:`T_d`. The reset contains one of the two equal zeros, eqs. (27)-(29). PIDA_2 has a double zero with
+the time constant 1.5 τ_2. The paper found the gains of PPM-PIDA, eq. (25), by a search with performance portraits (see
+`pidalab.portrait`).
 """
 
 from __future__ import annotations
@@ -37,7 +41,7 @@ if TYPE_CHECKING:
 
 
 class Setting(NamedTuple):
-    """Parameters of a series controller for a model with unit velocity gain and unit dead time.
+    """Dimensionless parameters of a series controller, for the velocity gain K_s and the dead time T_d of the model.
 
     Attributes
     ----------
@@ -46,7 +50,8 @@ class Setting(NamedTuple):
     source : str
         Equations of huba2024.
     lag : float
-        τ_0 = T_0/T_d, dominant time constant of the loop. PIDA_1, PIDA_2 and PPM-PIDA use the value of MRDP-PIDA.
+        τ_0 = T_0/T_d, where T_0 is the dominant time constant of the loop. PIDA_1, PIDA_2 and PPM-PIDA use the value
+        of MRDP-PIDA.
     kp, kd, ka : float
         Gains of the stabilising controller: K_p K_s T_d, K_d K_s and K_a K_s / T_d.
     ti : float
@@ -81,7 +86,8 @@ def multiple_pole(m: int) -> Setting:
     Returns
     -------
     Setting
-        Setting with the shortest reset time, computed from `pidalab.rules.mrdp.constants` (the paper's Table 1).
+        Setting, computed from `pidalab.rules.mrdp.constants` (the paper's Table 1). If there are several real zeros,
+        the reset contains the one with the shortest time constant.
 
     Raises
     ------
@@ -118,7 +124,7 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Returns
     -------
     Setting
-        Computed from the exact zeros, not from those printed in the paper.
+        Setting, computed from the exact zeros instead of the printed zeros.
 
     Raises
     ------
@@ -158,8 +164,8 @@ def tune(
 ) -> Design:
     r"""Design a series controller and its prefilter for an integrator with dead time, from a dimensionless setting.
 
-    The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`. The part :math:`T_e = n N T_f`
-    represents the filter, eqs. (10) and (11).
+    The controller is computed for the total dead time :math:`T_d = T_{dp} + T_e`. Here :math:`T_{dp}` is the dead time
+    of the model, and the dead time :math:`T_e = n N T_f` represents the filter, eqs. (10) and (11).
 
     ============  ====================
     huba2024      argument
@@ -182,11 +188,12 @@ def tune(
     filter_time : float
         Time constant of the filter, above 0.
     weight : float, optional
-        N, from 0.5 (half rule) to 1 (average residence time, the default). Use 0 if the model was identified from the
-        filtered output, since such a model includes the delay of the filter (sec. 3.1).
+        N, the ratio of T_e to the sum n T_f of the filter time constants. It is from 0.5 (half rule) to 1 (average
+        residence time, the default). Use 0 if the model was identified from the filtered output, because such a model
+        already includes the delay of the filter (sec. 3.1).
     cancelled : int, optional
-        Number of dominant poles, at -1/T_0, that the prefilter cancels. The default, 0, gives eq. (21). The value 1
-        gives eq. (22) and a faster response.
+        Number of dominant poles (at -1/T_0) that the prefilter cancels: 0 or 1. The default 0 gives eq. (21). The value
+        1 gives eq. (22) and a faster response.
     limits : tuple of float, optional
         Lower and upper limit of the control signal.
 
@@ -207,7 +214,7 @@ def tune(
     Raises
     ------
     TypeError, ValueError
-        If the model has another structure, `setting` is not a `Setting`, or a number is out of its range.
+        If the model is not an integrator with dead time, `setting` is not a `Setting`, or a number is out of its range.
 
     Examples
     --------

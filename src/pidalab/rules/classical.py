@@ -46,7 +46,8 @@ __all__ = [
 ]
 
 Settings = tuple[float, float, float]  # kp, ti, td
-# Settings of PI, then of PID. The numbers are kp K L/T, then ti/L (load steps) or ti/T (set-point steps), then td/L.
+# Each entry holds the settings of PI and then the settings of PID. The three numbers are kp K L/T, then ti/L (load
+# steps) or ti/T (set-point steps), then td/L.
 CHIEN_HRONES_RESWICK = {
     ("load", 0): ((0.6, 4.0, 0.0), (0.95, 2.4, 0.42)),
     ("load", 20): ((0.7, 2.3, 0.0), (1.2, 2.0, 0.42)),
@@ -72,7 +73,7 @@ def amigo(model: Process, kind: str = "PID") -> Design:
     Raises
     ------
     ValueError
-        If the model has another structure or no dead time.
+        If the model is neither a `fopdt` nor an `ipdt`, or has no dead time.
 
     Notes
     -----
@@ -109,7 +110,7 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
     Parameters
     ----------
     model : Process
-        `fopdt`.
+        `fopdt` with gain K, lag T and dead time L.
     kind : {"PI", "PID"}, optional
         Kind of controller.
     closed_loop_time : float, optional
@@ -122,7 +123,7 @@ def lambda_tuning(model: Process, kind: str = "PI", *, closed_loop_time: float |
     Raises
     ------
     ValueError
-        If the model has another structure.
+        If the model is not a `fopdt`.
 
     Examples
     --------
@@ -160,7 +161,7 @@ def ziegler_nichols_step(model: Process, kind: str = "PID") -> Design:
     Raises
     ------
     ValueError
-        If the model has another structure or no dead time.
+        If the model is neither a `fopdt` nor an `ipdt`, or has no dead time.
 
     Examples
     --------
@@ -216,7 +217,8 @@ def ziegler_nichols_ultimate(process: Process, kind: str = "PID") -> Design:
 def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0, kind: str = "PID") -> Design:
     r"""Design by the rule of Chien, Hrones and Reswick, for the fastest response with an overshoot of 0 % or 20 %.
 
-    Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2, quote these settings, with :math:`a = K L/T`:
+    Åström and Hägglund, PID Controllers, 2nd ed., ISA 1995, section 4.2, quote these settings. They define
+    :math:`a = K L/T`.
 
     ========  =========  ========  =====  =========  =====  ======
     step      overshoot  PI: a kp  ti     PID: a kp  ti     td
@@ -245,16 +247,18 @@ def chien_hrones_reswick(model: Process, test: str = "load", overshoot: int = 0,
     Raises
     ------
     ValueError
-        If the model has another structure or no dead time, or if test, overshoot or kind is unknown.
+        If the model is not a `fopdt` or has no dead time, or if test, overshoot or kind is unknown.
 
     Notes
     -----
-    The original paper was not available. An independent public program gives all eight settings of this table, and
-    several sources agree on those for set-point steps. Sources with more digits give ti = 1.16 T (set point 0 %, PI),
-    ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %, PID).
+    The original paper was not available. An independent public program gives all eight settings of this table (four of
+    PI and four of PID). Several sources agree on the four settings for set-point steps. Sources with more digits give
+    ti = 1.16 T (set point 0 %, PI), ti = 1.357 T and td = 0.473 L (set point 20 %, PID), and ti = 2.357 L (load 0 %,
+    PID).
 
-    The authors used an analogue computer. We simulated a lag with dead time exactly, for T/L from 4 to 50 and a filter
-    time constant of td/10. For load steps, the overshoot is in per cent of the largest deviation:
+    The authors of the rule used an analogue computer. We simulated a lag with dead time exactly, for T/L from 4 to 50
+    and a filter time constant of td/10. The table shows the simulated overshoot. For load steps, the overshoot is in
+    per cent of the largest deviation.
 
     ========  =========  ============  ============
     step      overshoot  PI            PID

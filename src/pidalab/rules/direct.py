@@ -1,8 +1,9 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
-Symbols, controllers and range of models are the same as in `itae`, but the results are closer to the least ITAE. For
-set-point steps, most optimal controllers have zeros that cancel the poles of the model. For overdamped models with
-long dead time, cancelling the poles raises the ITAE by up to 11 %.
+The ITAE is the integral of time times absolute error after a step. Symbols, controllers and range of models are the
+same as in `itae`, but the ITAE is closer to the least ITAE. For set-point steps, most optimal controllers have zeros
+that cancel the poles of the model. For overdamped models with long dead time, cancelling the poles raises the ITAE by
+up to 11 % above the least ITAE.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pidalab.rules.models import second_order
 
 
 def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonInteractivePIDA:
-    r"""Design a PIDA controller for set-point steps whose zeros cancel the poles of the model. Not from a paper.
+    r"""Design a PIDA controller for set-point steps, with zeros at the poles of the model. Not from a paper.
 
     .. math:: k_i = \frac{0.722}{k\theta}, \quad k_p = k_i (2\xi\tau + b), \quad k_d = k_i (\tau^2 + 2\xi\tau b), \quad
               k_a = k_i \tau^2 b, \qquad
@@ -25,7 +26,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
 
     Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)` for every model. In two thirds
     of the range the PIDA controllers of least ITAE give nearly this open loop. The second term of b compensates the
-    derivative filter. So does the acceleration time, with :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`.
+    derivative filter. The term :math:`\alpha_d \tau_d^2` of the acceleration time, :math:`\tau_a^2 = 2(k_a/k_p +
+    \alpha_d \tau_d^2)`, also compensates the derivative filter.
 
     The constants are fitted to the optima for 80 models of the range, with the default filters. The table shows by how
     much the ITAE exceeds the least ITAE (the average is a geometric mean):
@@ -43,8 +45,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     up to 3.4. Check `pidalab.margins` if you use slower filters.
 
     These numbers apply if the process equals the model. In the three examples of heo2023 the process differs from the
-    model. There the ITAE of `setpoint` is 138 %, 110 % and 74 % of the ITAE with Table 1. The ITAE of `setpoint` is 1.8
-    to 4.5 times the least ITAE for the process.
+    model. In these examples the ITAE of `setpoint` is 138 %, 110 % and 74 % of the ITAE with Table 1, and 1.8 to 4.5
+    times the least ITAE for the process.
 
     Parameters
     ----------
@@ -60,8 +62,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
     Raises
     ------
     TypeError, ValueError
-        If the model is out of range, or if `alpha_d` is so large that a gain has the wrong sign (never with values up
-        to 0.2).
+        If the model is out of range, or if `alpha_d` is so large that a gain has the wrong sign. A value up to 0.2 is
+        never too large.
 
     Examples
     --------
@@ -90,9 +92,9 @@ def load(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> NonIn
               \tau_a^2 = 2\left(\frac{k_a}{k_p} + \alpha_d \tau_d^2\right)
 
     The constants are fitted to the optima with Ms ≤ 2 and default filters, for 42 models of a grid of 80. On this grid
-    the ITAE exceeds that of the optima by 9 % on average (geometric mean) and at most 34 %. On 40 other models the
-    excess is 9 % on average and at most 29 %. Ms is 1.66 to 2.02. Without a limit on Ms, the least ITAE is 63 % smaller
-    on average, but Ms is up to 7.3.
+    the ITAE exceeds the ITAE of the optima by 9 % on average (geometric mean) and at most 34 %. On 40 other models the
+    excess is 9 % on average and at most 29 %. Ms is 1.66 to 2.02. Without the limit on Ms, the least ITAE would be 63 %
+    smaller on average, but with an Ms of up to 7.3.
 
     With `itae.pida_load` (heo2023, Tables 1 and 3), the loop is unstable for 18 of the 80 models. For 30 models
     `itae.pida_load` gives a smaller ITAE than `load`, but an Ms of 2.09 or more. In the paper's three examples the ITAE

@@ -51,7 +51,7 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     Raises
     ------
     ValueError
-        If the model has another structure, or if no gain reaches `ms`.
+        If the model does not have this structure, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def pid(model: Process, ms: float = 1.4, *, n: float = 10) -> PIDA:
     Raises
     ------
     ValueError
-        If the model has another structure, or if no gain reaches `ms`.
+        If the model does not have this structure, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def pi(model: Process, ms: float = 1.4) -> PIDA:
     Raises
     ------
     ValueError
-        If the model has another structure, or if no gain reaches `ms`.
+        If the model does not have this structure, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -140,8 +140,8 @@ def tune(
     ----------
     model : Process or ThreePointModel
         Process with constant numerator, dead time, and three (PIDA), two (PID) or one (PI) stable poles. A
-        `ThreePointModel` is refused if its `excess_gain` is above 0.25, since the loop with the process might be
-        unstable.
+        `ThreePointModel` is refused if its `excess_gain` is above 0.25 (25 %): the gain of the record is then so far
+        above the gain of the model that the loop with the process might be unstable.
     ms : float, optional
         Maximum sensitivity, above 1, of the loop without the output filter.
     kind : {"PIDA", "PID", "PI"}, optional
@@ -264,7 +264,7 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
 
 
 def _trusted(model: Process | ThreePointModel) -> Process:
-    """Return the process of a three-point model. Raise if its record does not match. Return other models unchanged."""
+    """Return the process of a three-point model, or another model unchanged. Raise if model and record do not match."""
     if isinstance(model, Process) or not hasattr(model, "excess_gain"):
         return model  # type: ignore[return-value]
     from pidalab.identification.experiments import MOST_EXCESS_GAIN

@@ -1,9 +1,10 @@
 r"""Explicit ITAE tuning of PID and PIDA controllers for a second-order model with dead time (heo2023).
 
-The paper's :math:`k, \tau, \xi, \theta` are gain, time constant, damping and dead time of `model`, and :math:`r` is
-:math:`\theta/\tau`. All functions except `imc_pid` need a `sopdt` with 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. For other models
-they raise a ValueError. ITAE-2 is the paper's name for a PID rule of Sung and others (1996). The following formulas
-differ from the paper as we read it. Either the print or our reading is wrong:
+The ITAE is the integral of time times absolute error after a step. The paper's :math:`k, \tau, \xi, \theta` are gain,
+time constant, damping and dead time of `model`, and :math:`r` is :math:`\theta/\tau`. All functions except `imc_pid`
+need a `sopdt` with 0.1 ≤ r ≤ 2 and 0.3 ≤ ξ ≤ 2. For other models they raise a ValueError. ITAE-2 is the paper's name
+for a PID rule of Sung and others (1996). The following formulas differ from the paper as we read it. Either the print
+or our reading is wrong:
 
 * Tables 2 and 3: the two formulas for the derivative time give :math:`\tau/\tau_d`, not :math:`\tau_d/\tau`. With this
   correction and a short dead time, Table 2 gives about :math:`\tau_d = \tau/(2\xi)`, which cancels the poles.
@@ -15,9 +16,9 @@ differ from the paper as we read it. Either the print or our reading is wrong:
 * Table 1: the last four lines belong to ξ > 1. At ξ = 1 they agree with the other lines to 0.3 %.
 * Eq. (12): the acceleration time is :math:`\tau_d f_a`, as in step 5 of the procedure, not :math:`\tau_d f_d`.
 
-The printed tunings confirm the corrections of the derivative times, of the exponentials and of eq. (12), but do not
-test the others. All constants are as printed. Where two cases of a formula meet, the jump is at most 13 % (gain of
-Table 2 at ξ = 0.9 for r = 2).
+The printed tunings confirm the corrections of the derivative times, of the exponentials and of eq. (12). They do not
+test the other corrections. All constants are as printed. Where two cases of a formula meet, the jump is at most 13 %
+(gain of Table 2 at ξ = 0.9 for r = 2).
 
 `setpoint_factors` and `load_factors` return factors f_d and f_a from our own fits.
 """
@@ -91,7 +92,7 @@ def pid_load(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
 
     Three things are corrected (see the top of this module): the conditions of the gain formula, the sign in both
     exponentials, and the left side of the last formula. In our copy of the paper, the constant 2.2122 has one digit
-    more than the others. No printed tuning distinguishes it from 2.212.
+    more than the other constants. No printed tuning distinguishes it from 2.212.
 
     Parameters
     ----------
@@ -152,8 +153,9 @@ def pida_setpoint(
     .. math:: k_n = k_m, \quad \xi_n = \xi_m, \quad \theta_n = \theta_m - \theta_m f_d, \quad
               \tau_n = \tau_m + 0.5\,\theta_m f_d, \qquad \tau_a = \tau_d f_a
 
-    The changed model (subscript n) may have a ratio r as small as 0.057. Like the paper, we use Table 2 outside its
-    range. The last formula is corrected (see the top of this module).
+    The subscript m denotes the given model, and n the changed model. The ratio r of the changed model may be as small
+    as 0.057, which is outside the range of Table 2. Like the paper, we still use Table 2. The last formula is corrected
+    (see the top of this module).
 
     Parameters
     ----------
@@ -192,9 +194,9 @@ def pida_load(
 ) -> NonInteractivePIDA:
     r"""Design a PIDA controller for load disturbances, by Table 3 for the changed model of eq. (9).
 
-    The paper found the factors of Table 1 for set-point steps and uses them for loads, too. With these factors, even
-    the loop with the model itself is unstable for ξ = 0.3 with r ≤ 0.35, for ξ = 0.7 with r ≤ 0.2, for ξ = 1 with
-    r = 0.1, and for ξ = 2 with r ≥ 1.75. Check `pidalab.margins`.
+    The paper found the factors of Table 1 for set-point steps, and also uses them for load disturbances. With these
+    factors, even the loop with the model itself is unstable for ξ = 0.3 with r ≤ 0.35, for ξ = 0.7 with r ≤ 0.2, for
+    ξ = 1 with r = 0.1, and for ξ = 2 with r ≥ 1.75. Check `pidalab.margins`.
 
     Parameters
     ----------
@@ -279,10 +281,11 @@ def setpoint_factors(model: Process) -> Factors:
        f_d &= 0.345 - 0.050\,\ell - 0.459\,x - 0.188\,\ell x, & f_a &= 0.989 + 0.231\,\ell - 0.262\,x - 0.237\,\ell x
        && \xi > 0.9
 
-    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. On 40 models that were not used in the fit, the ratio ITAE /
-    (least ITAE of any PIDA controller of this form) is on average 1.68 (geometric mean) and at most 2.52. With the
-    factors of Table 1 the average is 1.74 and the largest ratio 3.25. For ξ just above 0.9 and r near 2, Ms is up to
-    2.9. For all other models it is at most 2.5. `direct.setpoint` is much closer to the least ITAE.
+    with :math:`\ell = \ln r` and :math:`x = \ln \xi`. We compared the ITAE with the least ITAE of any PIDA controller
+    of this form, on 40 models that were not used in the fit. The ITAE divided by the least ITAE is on average 1.68
+    (geometric mean) and at most 2.52. With the factors of Table 1 the ratio is on average 1.74 and at most 3.25. For ξ
+    just above 0.9 and r near 2, Ms is up to 2.9. For all other models it is at most 2.5. `direct.setpoint` is much
+    closer to the least ITAE.
 
     Parameters
     ----------
@@ -318,10 +321,11 @@ def load_factors(model: Process) -> Factors:
               f_a = 0.717 - 0.088\,\ell + 0.190\,x + 0.065\,\ell x - 0.058\,\ell^2 + 0.009\,x^2,
               \qquad \ell = \ln r, \quad x = \ln \xi
 
-    Since f_d = 0, the PID settings are those of `pid_load`. The acceleration makes the loop robust. For all models of
-    the range the loop is stable, with Ms up to 2.4. On 40 models that were not used in the fit, the ratio ITAE / (least
-    ITAE of a PIDA controller with Ms up to 2) is on average 1.53 (geometric mean) and at most 1.91. With Table 1 the
-    loop is unstable for seven of these models. `direct.load` is closer to the least ITAE.
+    Since f_d = 0, the gain, integral time and derivative time equal those of `pid_load`. The acceleration makes the
+    loop robust. For all models of the range the loop is stable, with Ms up to 2.4. We compared the ITAE with the least
+    ITAE of a PIDA controller with Ms up to 2, on 40 models that were not used in the fit. The ITAE divided by the least
+    ITAE is on average 1.53 (geometric mean) and at most 1.91. With the factors of Table 1 the loop is unstable for
+    seven of these models. `direct.load` is closer to the least ITAE.
 
     Parameters
     ----------
@@ -369,7 +373,7 @@ def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
     Raises
     ------
     TypeError, ValueError
-        If the model has another structure or no dead time.
+        If the model is not a `fopdt` or has no dead time.
 
     Examples
     --------

@@ -1,8 +1,10 @@
 r"""Magnitude optimum tuning of PID_n^m, from a model or from a record (vrancic2021).
 
-The loop follows its set point well if :math:`|T(j\omega)|` stays near 1 up to a high frequency, that is, if the real
-part of :math:`L(j\omega)` stays near -1/2. Expanded in powers of :math:`\omega`, this real part has coefficients that
-are linear in the gains, eqs. (13) and (14). The m + 2 gains satisfy m + 2 conditions,
+PID_n^m denotes a controller with derivatives up to order m and a filter of order n: m = 0 is PI, 1 is PID and 2 is
+PIDA. The loop follows its set point well if :math:`|T(j\omega)|` stays near 1 up to a high frequency, that is, if the
+real part of :math:`L(j\omega)` stays near -1/2. Expanded in powers of :math:`\omega`, this real part has coefficients
+that are linear in the gains, eqs. (13) and (14). The gains are :math:`K_{-1}` (integral), :math:`K_0` (proportional)
+and :math:`K_1` to :math:`K_m` (derivatives). These m + 2 gains satisfy m + 2 conditions,
 
 .. math:: \sum_{c=0}^{m+1} (-1)^{c+1} A_{2r+1-c} K_{c-1} = \begin{cases} -\tfrac12 & r = 0 \\ 0 & r = 1 \dots m+1,
           \end{cases}
@@ -178,9 +180,9 @@ def filter_time(gain: float, m: int, n: int, noise_gain: float, sample_time: flo
     m, n : int
         Orders of derivative and filter. n must be at least m and at least 1.
     noise_gain : float
-        K_HF, above 0.
+        K_HF, wanted ratio of the standard deviations of control signal and noise, above 0.
     sample_time : float
-        T_S, above 0.
+        T_S, sample time of the controller, above 0.
 
     Returns
     -------
@@ -250,9 +252,12 @@ def tune_for_noise(
         As for `tune` and `filter_time`, and if the filter time does not converge. For n = m this happens if no filter
         gives so small a noise gain.
 
-    Notes ----- With ``first=0.1`` and ``updates=4``, as in Fig. 5, 69 of the 70 filter times and gains in Tables 3 to
-    5, and all 18 in Table 6, agree with the paper within a unit of the last digit. With the default number of updates
-    they differ by up to four units in the rows where the filter time converges slowly (n = m, and m = 4).
+    Notes
+    -----
+    With ``first=0.1`` and ``updates=4``, as in Fig. 5, the results agree with the paper within a unit of the last
+    digit: 69 of the 70 filter times and gains in Tables 3 to 5, and all 18 in Table 6. With the default number of
+    updates the results differ by up to four units of the last digit in the rows where the filter time converges slowly
+    (n = m, and m = 4).
 
     Examples
     --------
@@ -289,9 +294,9 @@ def tune_for_filter_noise(
 
     .. math:: \frac{1/A_0 + K_1 s + \dots + K_m s^m}{(T_F s + 1)^n}
 
-    (for m = 0 with the numerator :math:`K_0`). The noise gain is the H2 norm of the sampled form of this transfer
-    function. `pidalab.noise_gain`, which includes the loop, gives a result that differs by a few per cent if the filter
-    is not much faster than the loop.
+    For m = 0 the numerator is :math:`K_0`. The noise gain is the H2 norm of the sampled form of this transfer function.
+    `pidalab.noise_gain`, which includes the loop, gives a result that differs by a few per cent if the filter is not
+    much faster than the loop.
 
     For n above m + 1, the estimate of eq. (32) may lead to only a third of the requested noise gain (column σ_rel of
     Table 4).

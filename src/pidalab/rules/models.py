@@ -1,4 +1,4 @@
-"""Check the structure of models for which rules are made, and derive such models from a process."""
+"""Check that a model has the structure that a rule needs, and derive such models from a process."""
 
 from __future__ import annotations
 
@@ -83,7 +83,10 @@ class StartingModels:
 
     @cached_property
     def reaction(self) -> Process:
-        """Lag with dead time, from the steepest tangent of the step response and the time at 63 %, or `integrator`."""
+        """Lag with dead time, from the steepest tangent of the step response and the time at 63 % of the final value.
+
+        If the process has an integrator, this model is `integrator`.
+        """
         if not self._settles():
             return self.integrator
         if len(self.process.den) == 2 and len(self.process.num) == 1:
@@ -112,7 +115,7 @@ class StartingModels:
         if not self._settles():
             raise ValueError("process must be stable: three_point needs a step response that settles")
         with warnings.catch_warnings():
-            # Ignore the warning that a model does not match its record. Comparisons simulate the process itself.
+            # Ignore the warning that a model does not match its record, since comparisons simulate the process itself.
             warnings.simplefilter("ignore", RecordWarning)
             return three_point(*self._response(self.process)).process
 
@@ -125,7 +128,8 @@ class StartingModels:
             raise ValueError("process must be stable or integrating: the model comes from its step response")
         if itself:
             return self.process
-        # The largest lag hardly affects the initial slope, so the simulated time does not depend on it.
+        # The response is steepest at a time that depends mainly on the smaller lags. Therefore the simulated time does
+        # not depend on the largest lag (or on the integrator).
         lags = np.sort(_lags(self.process))[: -1 if self._settles() else None]
         tangent = ipdt_tangent(*self._response(self._undelayed, 10 * float(np.sum(lags))))
         return Process(tangent.num, tangent.den, tangent.delay + self.process.delay)

@@ -1,6 +1,7 @@
 r"""Multiple real dominant pole tuning of PID_n^m for an integrator with dead time (huba2018).
 
-Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s` has the characteristic function
+PID_n^m denotes a controller with derivatives up to order m and a filter of order n: m = 0 is PI, 1 is PID and 2 is
+PIDA. Without filter, the loop of the controller and the model :math:`K_s e^{-T_d s}/s` has the characteristic function
 
 .. math:: s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1}),
 
@@ -15,8 +16,9 @@ With :math:`a = -x_o` and the truncated exponential :math:`E_k(a) = \sum_{i \le 
 
 .. math:: c_j = \frac{e^{-a}}{j!}\left(\frac{(\mu + j - 1)\,a^{m+2-j}}{(m+1-j)!} - j(j-1)\,E_{m+1-j}(a)\right).
 
-In particular :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i = c_1/c_0 = (\mu + 1)/(\mu - 1)`. In double
-precision the formula for :math:`c_j` is accurate to 14 digits, at least for m up to 24.
+In particular, the dimensionless gain and integral time are :math:`K_o = c_1 = \mu\,a^{m+1}e^{-a}/m!` and :math:`\tau_i
+= c_1/c_0 = (\mu + 1)/(\mu - 1)`. In double precision the formula for :math:`c_j` is accurate to 14 digits, at least for
+m up to 24.
 """
 
 from __future__ import annotations
@@ -115,8 +117,10 @@ def _coefficient(m: int, j: int) -> float:
 def filter_ratio(m: int, n: int) -> float:
     r"""Compute T_f / T_e, the ratio of filter time constant and equivalent dead time, eq. (11) and Table II.
 
-    The filter and the dead time T_e are equivalent if both give a loop with a pure integrator the same dominant pole.
-    For n = m the loop with the filter has no such pole. In this case eq. (9) gives the pole of the filter, -1/T_f.
+    The filter and the dead time T_e are equivalent if the loop of an integrator and the filter has the same dominant
+    pole as the loop of an integrator and the dead time. The dominant pole is the place of m + 3 equal poles. For n = m
+    the loop with the filter has only m + 2 poles. In this case eq. (9) gives the pole of the filter, -1/T_f, instead.
+    So -1/T_f then equals the dominant pole of the loop with the dead time.
 
     Parameters
     ----------
@@ -211,8 +215,8 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
     n : int
         Order of the filter, at least m. ``n=0`` gives a PI controller without filter.
     te : float
-        Dead time that represents the filter, above 0 (with ``n=0`` it must be 0). A larger value gives less noise and a
-        slower loop.
+        Dead time that represents the filter, above 0 (with ``n=0`` it must be 0). A larger value gives less noise
+        in the control signal and a slower loop.
     cancelled : int, optional
         Number of dominant poles that the prefilter cancels, from 1 to m + 1 (the default).
 
@@ -229,12 +233,13 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
         - ``weights``: b_0, b_1, ... of the prefilter,
         - ``ie``: the integral of the error after a unit step of the set point (the IAE if the error does not change its
           sign),
-        - ``smallest_te``: the result of the function `smallest_te`, times the dead time of the model.
+        - ``smallest_te``: the T_e above which the loop with the model is stable. It is the result of the function
+          `smallest_te` times the dead time of the model.
 
     Raises
     ------
     TypeError, ValueError
-        If the model has another structure, or if a number is out of its range.
+        If the model is not an integrator with dead time, or if a number is out of its range.
 
     Examples
     --------
@@ -321,8 +326,8 @@ def smallest_te(m: int, n: int) -> float:
     .. math:: \kappa \left(\frac{T_d}{T_f}\right)^{m-1}
               \sqrt{\frac{(m-1)^{m-1}(n-m+1)^{n-m+1}}{n^n}}, \qquad \kappa = K_o \tau_{mo},
 
-    and near this frequency the phase of the dead time passes through all values. So the loop is stable if the maximum
-    is below about 1. From this estimate the function bisects the exact stability limit.
+    and near this frequency the phase of the dead time passes through all values. Therefore the maximum is about 1 at
+    the limit of stability. The function starts from this estimate and finds the exact limit by bisection.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ class Rule:
     design : callable
         Function of a model, a kind and `Requirements` that returns a `Design`.
     short : str
-        A shorter name.
+        A shorter name that is also accepted, or "".
     compared : bool
         True if `pidalab.compare` includes the rule by default.
     knows_ms : bool
