@@ -26,7 +26,7 @@ LEAST_LAG = 1e-9  # smaller values of tau wu (first order) or (tau wu)^4 (second
 
 
 class FirstOrderModel(NamedTuple):
-    """Parameters of a first-order model with dead time, and the ultimate frequency."""
+    """Parameters of a first-order model with dead time, and the ultimate frequency `wu` in rad per time unit."""
 
     gain: float
     tau: float
@@ -40,7 +40,7 @@ class FirstOrderModel(NamedTuple):
 
 
 class SecondOrderModel(NamedTuple):
-    """Parameters of a second-order model with dead time, and the ultimate frequency."""
+    """Parameters of a second-order model with dead time, and the ultimate frequency `wu` in rad per time unit."""
 
     gain: float
     tau: float
@@ -146,7 +146,7 @@ def turned_phase(process: Process, w: Array) -> Array:
 
 
 def to_fopdt(process: Process) -> FirstOrderModel:
-    r"""Find the first-order model with dead time that equals a process at 0 and at the ultimate frequency.
+    r"""Find the first-order model with dead time that equals a process at frequency 0 and at the ultimate frequency.
 
     The parameters follow from the ultimate frequency :math:`\omega_u` and :math:`m = |G(j\omega_u)/G(0)|`:
 

@@ -2,8 +2,9 @@ r"""Series PI, PID and PIDA controllers with automatic reset for an integrator w
 
 The module `pidalab.rules.mrdp` computes PI, PID and PIDA controllers in parallel form. They place m + 3 poles of the
 loop at one point, where m is the order of the highest derivative. This module writes these controllers in series form,
-as a stabilising P, PD or PDA controller and an automatic reset. With :math:`x = T_d s`, where :math:`T_d` is the dead
-time, the numerator N(x) of `mrdp` is factored:
+as a stabilising P, PD or PDA controller and an automatic reset. The reset is the integral action, made by positive
+feedback of the limited control signal. With :math:`x = T_d s`, where :math:`T_d` is the dead time, the numerator N(x)
+of `mrdp` is factored:
 
 .. math:: N(x) = \frac{\kappa}{\tau_i} (1 + \tau_D x + \tau_A x^2)(1 + \tau_i x).
 

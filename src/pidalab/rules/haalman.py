@@ -152,8 +152,8 @@ def tune(
     Returns
     -------
     Design
-        Controller and output filter. `info` has ``ms_asked`` and the gain crossover ``wgc`` of the loop without output
-        filter. ``design.ms`` is Ms with output filter.
+        Controller and output filter. `info` has ``ms_asked`` and the gain crossover frequency ``wgc`` (rad per time
+        unit) of the loop without output filter. ``design.ms`` is Ms with output filter.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def tune(
 
 
 class OutputFilter(NamedTuple):
-    """Low-pass filter 1/(time s + 1)^order of the control signal, with the gain crossover used for its design."""
+    """Low-pass filter 1/(time s + 1)^order of the control signal, with the gain crossover frequency of its design."""
 
     time: float
     order: int
@@ -240,7 +240,8 @@ def output_filter(model: Process, controller: PIDA) -> OutputFilter:
     Returns
     -------
     OutputFilter
-        Time constant ``0.05/wgc``, order, and gain crossover frequency ``wgc``. A `Loop` accepts the filter as a block.
+        Time constant ``0.05/wgc``, order, and gain crossover frequency ``wgc`` (rad per time unit).
+        A `Loop` accepts the filter as a block.
 
     Raises
     ------

@@ -5,9 +5,10 @@ PIDA. Without filter, the loop of the controller and the model :math:`K_s e^{-T_
 
 .. math:: s^2 e^{T_d s} + K_i K_s (1 + T_i s + T_i T_{D1} s^2 + \dots + T_i T_{Dm} s^{m+1}),
 
-eq. (4). With :math:`x = T_d s` it is :math:`x^2 e^x + N(x)`. A point :math:`x_o` is an (m+2)-fold zero if -N is the
-Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The rule chooses the :math:`x_o` nearest to 0 at
-which the derivative of order m+2 of :math:`x^2 e^x` is also 0:
+eq. (4). With :math:`x = T_d s`, this function times :math:`T_d^2` is :math:`x^2 e^x + N(x)`. A point :math:`x_o` is an
+(m+2)-fold zero of the function if -N is the Taylor polynomial of degree m+1 of :math:`x^2 e^x` at :math:`x_o`. The zero
+is (m+3)-fold if the derivative of order m+2 of :math:`x^2 e^x` is also 0 at :math:`x_o`. Of the two points for which
+this is true, the rule chooses the one nearer to 0:
 
 .. math:: x_o^2 + 2(m+2)x_o + (m+2)(m+1) = 0, \qquad x_o = \mu - \mu^2, \quad \mu = \sqrt{m+2}.
 
@@ -45,7 +46,7 @@ HIGHEST_MRDP_ORDER = 100  # with controllers or filters of a higher order, facto
 
 
 class Constants(NamedTuple):
-    """Parameters of PID^m for a model with unit velocity gain and unit dead time, eq. (6)."""
+    """Parameters of PID^m (without filter) for a model with unit velocity gain and unit dead time, eq. (6)."""
 
     pole: float
     gain: float
@@ -119,8 +120,8 @@ def filter_ratio(m: int, n: int) -> float:
 
     The filter and the dead time T_e are equivalent if the loop of an integrator and the filter has the same dominant
     pole as the loop of an integrator and the dead time. The dominant pole is the place of m + 3 equal poles. For n = m
-    the loop with the filter has only m + 2 poles. In this case eq. (9) gives the pole of the filter, -1/T_f, instead.
-    So -1/T_f then equals the dominant pole of the loop with the dead time.
+    the loop with the filter has only m + 2 poles. In this case eq. (9) gives the pole of the filter, -1/T_f, which
+    therefore equals the dominant pole of the loop with the dead time.
 
     Parameters
     ----------
@@ -295,7 +296,7 @@ def tune(model: Process, m: int, n: int, te: float, cancelled: int | None = None
 
 
 def _standard(velocity: float, delay: float, m: int) -> list[float]:
-    """Return gain, integral and derivative times of R^m, eq. (2)."""
+    """Return gain, integral and derivative times of the controller R^m (without filter), eq. (2)."""
     unit = constants(m)
     td = [time * delay**j for j, time in enumerate(unit.derivative_times, start=1)]
     return [unit.gain / (velocity * delay), unit.integral_time * delay, *td]

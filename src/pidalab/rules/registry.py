@@ -57,7 +57,7 @@ class Rule:
     source : str
         Paper and equations.
     models : mapping
-        For each kind of controller, the name of the model (see the table of this module).
+        For each kind of controller, the name of the model from which the rule starts (see the table of this module).
     design : callable
         Function of a model, a kind and `Requirements` that returns a `Design`.
     short : str
