@@ -1,7 +1,7 @@
 """Compare the printed numbers and statements of papers with computed ones.
 
-A file ``book/ledger/<paper>.csv`` has a row for each claim. The notebooks about the paper compute results and pass them
-to the ledger::
+A file ``book/ledger/<paper>.csv``, the ledger of a paper, has a row for each claim. A claim is a printed number or a
+statement. The notebooks about the paper compute results and pass them to the ledger::
 
     from paperledger import Ledger
 
@@ -14,8 +14,8 @@ A run raises an error if
 
 * a value or the evidence of a statement differs from the stored one;
 * a stored verdict no longer follows from the numbers;
-* numbers agree although they are declared to disagree;
-* an id is unknown, or the notebook passes no value for a row that belongs to the notebook.
+* numbers agree although a person declared that they disagree;
+* an id is unknown, or the notebook passes no value for a row whose column ``page`` names this notebook.
 
 Verdicts are
 
@@ -23,9 +23,12 @@ Verdicts are
 * ``holds``, ``holds-in-part``, ``fails``, which follow from the inequalities that decide a statement;
 * ``misprint``, ``as-read``, ``differs``, ``not-computable``, which a person declares with the reason in the note.
 
-The basis of a row says from what its value was computed: only from the problem as the paper states it (``computed``),
-from this problem with settings that were fitted to printed numbers (``fitted``), or from other printed results
-(``from-print``). With ``reading`` nothing is computed.
+The basis of a row says from what its value was computed:
+
+* ``computed``: only from the problem as the paper states it;
+* ``fitted``: from this problem, with settings that were fitted to printed numbers;
+* ``from-print``: from other printed results;
+* ``reading``: nothing was computed, since reading the paper decides the claim.
 
 ``python -m paperledger update haalman2024`` runs the pages of a paper, stores the results and prints the changes.
 ``--help`` lists the other commands.

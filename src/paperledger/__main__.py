@@ -51,7 +51,7 @@ def run(command: str, names: Sequence[str]) -> None:
             changes = freeze()
             print(*changes, f"manifest: {'rewritten' if changes else 'up to date'}", sep="\n")
         case "shake":
-            # Only this command imports numpy, which is slow.
+            # The import is here and not at the top, since it loads numpy, which takes long.
             from paperledger.shake import Shaker, shake
 
             if not names:
@@ -64,13 +64,13 @@ def run(command: str, names: Sequence[str]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command, by default the one on the command line. Return 0, or print an error and return 1."""
+    """Run a command, by default the one on the command line. Return 0. On an error, print it and return 1."""
     parser = argparse.ArgumentParser("python -m paperledger", usage=__doc__.partition(": ")[2])
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a console that cannot show τ prints an escape sequence
+        if hasattr(stream, "reconfigure"):  # print an escape sequence where a console cannot show a character
             stream.reconfigure(errors="backslashreplace")
     try:
         run(asked.command, asked.names)

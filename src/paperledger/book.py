@@ -1,4 +1,4 @@
-"""The ledger of one paper, as its pages use it."""
+"""Define `Ledger`, with which the pages of a paper compare printed and computed results."""
 
 import json
 import re
@@ -35,7 +35,7 @@ class Ledger:
     page : str, optional
         The notebook that uses the ledger, by default the chapter, which is named after the paper.
     words : mapping of str to str, optional
-        The paper's notation, as in `open`, for the labels in the table of `compare`.
+        The paper's notation, as in `open`. It labels the table that `compare` returns.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Ledger:
     rows : dict of str to Row
         Rows by id, in the order of the file.
     fresh : dict of str to Row
-        Rows that the page has handed over so far, with the new values.
+        Rows for which the page has passed a value so far, with the new values.
     refused : list of str
         The errors so far. `close` raises them again, so a page cannot suppress them.
 
@@ -62,8 +62,8 @@ class Ledger:
     paperledger.verdicts.LedgerError: demo.kq: unknown id; the closest are demo.kp
     """
 
-    _recorded: ClassVar[list["Ledger"] | None] = None  # ledgers that `recording` collects
-    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # maps a row to its printed value
+    _recorded: ClassVar[list["Ledger"] | None] = None  # the list that `recording` yields
+    _printed: ClassVar[Any] = staticmethod(attrgetter("printed"))  # returns the printed value of a row
 
     def __init__(
         self,
@@ -145,15 +145,16 @@ class Ledger:
         Returns
         -------
         pandas.DataFrame
-            Entries ``printed / computed``. The last part of an id is the column, and the parts before it are the row.
-            A mark shows the verdict: ``°`` last-digit, ``~`` approximate, ``*`` misprint or as-read,
-            and ``†`` differs.
+            A table with entries ``printed / computed``. The last part of an id names the column, and the parts before
+            it name the row. A mark after the entry shows the verdict: ``°`` last-digit, ``~`` approximate,
+            ``*`` misprint or as-read, and ``†`` differs.
 
         Raises
         ------
         LedgerError
-            With a line for each wrong value. A value is wrong if its id is unknown, or if it is not finite, differs
-            from the stored value, changes the verdict, or agrees although a disagreement was declared.
+            If a value is wrong. The message has a line for each wrong value. A value is wrong if its id is unknown, or
+            if it is not finite, differs from the stored value, changes the verdict, or agrees with the printed number
+            although a person declared a disagreement.
 
         Examples
         --------
@@ -191,7 +192,7 @@ class Ledger:
         Parameters
         ----------
         id : str
-            An id without the key of the paper. Other labels are returned unchanged.
+            An id without the key of the paper, or a part of an id. A part that is not in `words` stays unchanged.
 
         Returns
         -------
@@ -208,16 +209,16 @@ class Ledger:
         return ", ".join(self.words.get(part, part) for part in parts)
 
     def decide(self, id: str, cases: Cases, digits: int = DIGITS) -> str:
-        """Decide a statement with numbers of this run, by the relation in its row.
+        """Test a statement with numbers of this run, by the relation in its row.
 
         Parameters
         ----------
         id : str
             Id of a statement.
         cases : mapping of any to pair of numbers, or pair of numbers, or number
-            A pair (left side, right side) for each case, or a single pair. The worst case decides. If the relation
-            contains *some*, the best case decides. If the relation only states that a residual is rounding error, pass
-            residuals instead of pairs. ``==`` requires integers.
+            A pair (left side, right side) for each case, or a single pair. If the relation only states that a residual
+            is rounding error, pass residuals instead of pairs. The worst case decides, or the best case if the relation
+            contains *some*. ``==`` requires integers.
         digits : int, optional
             As in `compare`.
 
@@ -246,14 +247,14 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # If values are only recorded, as by `paperledger.shake`, a case need not hold or fail as declared.
+                # A case need not hold or fail as declared if values are only recorded, as in `paperledger.shake`.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)
         except LedgerError as error:
             self.refused += str(error).splitlines()
             raise
-        if relation.is_identity and kept.verdict == "holds":  # the residual depends on the machine
+        if relation.is_identity and kept.verdict == "holds":  # the digits depend on the machine
             return f"holds: largest residual ≤ {relation.right}"
         remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # without the list of cases
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
@@ -272,9 +273,10 @@ class Ledger:
         return row
 
     def _take(self, fresh: Row) -> Row:
-        """Store a row that the page has handed over, unless it disagrees with the file. Return the row to show.
+        """Store a row with a value of this run, or raise an error if it contradicts the file. Return the row to show.
 
-        A row that agrees is shown with its stored value and verdict, so rounding noise never changes a verdict.
+        If the rows agree, the row of the file is shown, so that rounding noise never changes a verdict. If values are
+        only recorded, the file is not compared. An error is then raised only for two different values of one row.
         """
         row = self.rows[fresh.id]
         with naming(row.id):
@@ -350,16 +352,16 @@ class Ledger:
         return float(row.printed)
 
     def _owed(self) -> list[Row]:
-        """Return the rows that this page must hand over."""
+        """Return the rows for which this page must pass a value."""
         return [row for row in self.rows.values() if row.basis != "reading" and row.page == self.page]
 
     def close(self) -> None:
-        """Check that the page has handed over all its rows and that none was refused. Print the score.
+        """Check that the page has passed a value for each of its rows, and that no value was refused. Print the score.
 
         Raises
         ------
         LedgerError
-            With all ids that were not passed, and all errors.
+            If one of the checks fails. The message has all earlier errors, and the id of each row without a value.
 
         Examples
         --------
@@ -376,7 +378,7 @@ class Ledger:
         print(display.score_line(self.page, display.score(self._owed())))
 
     def problems(self) -> list[str]:
-        """List the errors of the file itself, one line each.
+        """List the errors that can be found in the file alone, one line each.
 
         Returns
         -------
@@ -429,7 +431,7 @@ class Ledger:
         return display.index(self.rows.values(), self.page, headings)
 
     def claims(self, *prefixes: str) -> Display:
-        """Return rows of the file, with printed and computed numbers.
+        """Return a table of rows of the file, with printed and computed numbers.
 
         Parameters
         ----------
@@ -466,7 +468,7 @@ class Ledger:
 def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator[list[Ledger]]:
     """Record values without comparing them, in all ledgers opened in this context. Yield the list of these ledgers.
 
-    Pages get ``printed(row)`` as the printed value of a row. By default this is the value in the file.
+    In these ledgers, ``printed(row)`` replaces the printed value of a row. By default the value does not change.
 
     >>> with recording() as books:
     ...     book = Ledger(Path("demo.csv"), [Row("demo.kp", "Table 1", "gain", "1.31", "1.309812345", "reproduced")])
@@ -483,14 +485,14 @@ def recording(printed: Callable[[Row], str] = attrgetter("printed")) -> Iterator
 
 
 def _headings(notebook: Path) -> list[str]:
-    """Return the headings of a notebook, or none if the file does not exist."""
+    """Return the headings of a notebook without its title, or an empty list if the file does not exist."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"] if notebook.is_file() else []
     texts = ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
     return [heading for text in texts for heading in re.findall(r"^##+ (.+)$", text, re.MULTILINE)]
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield nested numbers with their ids."""
+    """Yield an id and a value for each number in nested mappings."""
     for key, value in values.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{prefix}{key}.")
@@ -514,7 +516,7 @@ def load_all(folder: Path | str | None = None) -> dict[str, Ledger]:
     Raises
     ------
     LedgerError
-        With all errors of the files.
+        If a file has errors. The message has the errors of all files.
 
     Examples
     --------

@@ -1,6 +1,7 @@
-"""Show rows as tables of claims and scores, in HTML for a page and in text for a terminal.
+"""Show the rows of a ledger as tables of claims and scores, in HTML for a page and in text for a terminal.
 
-The HTML has classes but no styles, except the widths in a bar. The site colours the classes ``verdict-…``.
+The HTML has CSS classes but no inline styles, except for the widths of the parts of a score bar. The style sheet of the
+site colours the classes ``verdict-…``.
 """
 
 import re
@@ -12,7 +13,9 @@ from html import escape
 from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
-GROUPS = {  # computed rows are counted by verdict, other rows by basis
+# Headings of a score, and below each heading the kinds of rows with their labels. A row of the basis *computed* is
+# counted by its verdict. For the bases *fitted* and *from-print*, the kinds only tell agreement from disagreement.
+GROUPS = {
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to printed values": {
         "fitted-agrees": "agree, settings fitted",
@@ -26,7 +29,8 @@ GROUPS = {  # computed rows are counted by verdict, other rows by basis
 }
 KINDS = {kind: words for kinds in GROUPS.values() for kind, words in kinds.items()}
 BASIS = {"fitted": "settings fitted", "from-print": "from printed values", "reading": "by reading"}
-# Match a letter, capitals or a bracket with an index or exponent, as in K_-1, PID_2^2, A_(2m+3), (1 + T s)^n.
+# _MATHS matches a letter, several capitals or a closing bracket, each with an optional index and an optional exponent,
+# as in K_-1, PID_2^2, A_(2m+3) and (1 + T s)^n.
 _PART = r"(\{[^{}]*\}|\([^()]*\)|[-−]?[^\W_]+)"
 _MATHS = re.compile(
     rf"((?<![A-Za-z])[a-z][\u0300-\u036f]?|[A-Z][\u0300-\u036f]|[A-Z]+|[Α-Ωα-ω]|[)\]])(?:_{_PART})?(?:\^{_PART})?"
@@ -63,7 +67,7 @@ class Display:
 
 @dataclass(frozen=True)
 class Cell:
-    """Entry of a table: text, HTML, class of the HTML cell, and number of columns that it spans."""
+    """Entry of a table, as text and as HTML. `kind` is its CSS class, and `span` is its number of columns."""
 
     text: str
     html: str
@@ -72,7 +76,7 @@ class Cell:
 
 
 def markup(text: str) -> str:
-    """Escape plain text, and typeset its symbols that have an index or exponent.
+    """Escape plain text for HTML, and typeset each symbol that has an index or exponent.
 
     >>> markup("K_-1 of PID_2^2 < 3")
     '<i>K</i><sub>−1</sub> of PID<sub>2</sub><sup>2</sup> &lt; 3'
@@ -98,7 +102,7 @@ def words(text: str) -> Cell:
 
 
 def number(text: str) -> Cell:
-    """Make a cell of the class ``number``."""
+    """Make a cell from the text of a number."""
     return Cell(text, escape(text).replace("-", "−"), "number")
 
 
@@ -109,7 +113,10 @@ def grid(
     heading: int = 0,
     notes: Sequence[str] = (),
 ) -> Display:
-    """Make a table of the class ``ledger-<kind>`` from rows of cells. A terminal shows `notes` right of the rows.
+    """Make a table of the CSS class ``ledger-<kind>`` from rows of cells.
+
+    The column with the index `heading` contains the headings of the rows. The text shows a note to the right of each
+    row. The HTML does not show `notes`.
 
     >>> grid("demo", ["rule", "gain"], [[words("SIMC"), number("1.5")]])
     rule  gain
@@ -119,8 +126,8 @@ def grid(
     body = []
     for row, note in zip(rows, notes or [""] * len(rows), strict=True):
         lines.append([text for cell in row for text in (cell.text, *[""] * (cell.span - 1))] + [note])
-        # After a cell that spans columns, cells get wrong column names. This does no harm: only number cells use names,
-        # and no number follows such a cell.
+        # Cells to the right of a cell with several columns are paired with wrong column names. This does no harm: only
+        # number cells use the names, and no number cell is to the right of a cell with several columns.
         columns = zip(row, header, strict=False)
         cells = "".join(_entry(cell, name, k == heading) for k, (cell, name) in enumerate(columns))
         body.append(f"<tr>{cells}</tr>")
@@ -132,7 +139,7 @@ def grid(
 
 
 def _entry(cell: Cell, column: str, heading: bool) -> str:
-    """Return a cell as HTML. A number gets the name of its column as a label, since phones show each row as a block."""
+    """Return a cell as HTML. The HTML of a number includes the name of its column, since phones hide the table head."""
     tag, scope = ("th", ' scope="row"') if heading else ("td", "")
     span = f' colspan="{cell.span}"' if cell.span > 1 else ""
     label = f' data-label="{escape(column)}"' if cell.kind == "number" else ""
@@ -140,7 +147,7 @@ def _entry(cell: Cell, column: str, heading: bool) -> str:
 
 
 def verdict(row: Row) -> Cell:
-    """Make a cell of a verdict. The cell also shows a basis other than ``computed``."""
+    """Make a cell with the verdict of a row. The cell also shows the basis, unless the basis is ``computed``."""
     word, basis = row.verdict or "open", BASIS.get(row.basis, "")
     html = f'<span class="verdict-{escape(word)}">{escape(word)}</span>'
     if not basis:
@@ -149,9 +156,13 @@ def verdict(row: Row) -> Cell:
 
 
 def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
-    """Make a cell of a claim and its place. The cell unfolds to the note. A terminal also shows the id."""
+    """Make a cell with the claim of a row and its place in the paper. The text begins with the id of the row.
+
+    If `unfold` is true, a click on the HTML cell shows the note and the column ``made``. If `anchored` is true, the
+    HTML cell also shows the id as a link to the row, and a click shows how to cite the row.
+    """
     text = row.printed if row.is_statement else row.quantity
-    anchor = row.id.replace(".", "-")  # a dot has another meaning in a CSS selector
+    anchor = row.id.replace(".", "-")  # in a CSS selector, a dot would begin a class
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
         said = "".join(f"<p>{markup(line)}</p>" for line in (row.note, *row.made.split(" | ")) if line)
@@ -165,7 +176,7 @@ def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
 
 
 def evidence(row: Row, span: int = 1) -> Cell:
-    """Make a cell of the evidence of a statement."""
+    """Make a cell with the evidence of a statement."""
     if not row.evidence:
         return Cell("", "—", "evidence text", span)
     kept, relation = Evidence.parse(row.evidence), Relation.parse(row.relation)
@@ -177,9 +188,10 @@ def evidence(row: Row, span: int = 1) -> Cell:
 
 
 def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Display:
-    """Show rows: a number with its difference in units of the last printed place, or a statement with its evidence.
+    """Show rows as a table. Numbers have differences in units of the last printed place, statements have evidence.
 
-    If `why` is true, a column of notes replaces the verdicts. Otherwise each claim unfolds to its note.
+    A difference is computed minus printed. If `why` is true, a column of notes replaces the verdicts. Otherwise a click
+    on a claim shows its note. If `anchors` is true, each row has a link to cite it.
     """
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]
@@ -199,7 +211,7 @@ def _numbers(row: Row) -> list[Cell]:
 
 
 def score(rows: Iterable[Row]) -> dict[str, int]:
-    """Count rows by the keys of `KINDS`. Rows without a verdict count as ``open``."""
+    """Count the rows of each kind in `KINDS`. An undecided row counts as ``open``, unless its basis is ``reading``."""
     return {**dict.fromkeys(KINDS, 0), **Counter(map(_kind, rows))}
 
 
@@ -224,7 +236,7 @@ def score_line(name: str, counts: Mapping[str, int]) -> str:
 
 
 def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Display:
-    """Show a score as a bar, optionally with a legend. Screen readers read `score_line`."""
+    """Show a score as a bar, optionally with a legend. Screen readers read the text of `score_line`."""
     line, shown = score_line(name, counts), {kind: count for kind, count in counts.items() if count}
     total = sum(counts.values())
     parts = "".join(
@@ -238,7 +250,8 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
     return Display(f'{bar}\n<ul class="scorelegend">{items}</ul>' if legend else bar, line)
 
 
-# OUTCOMES replaces verdicts that would mislead in a summary. PLURALS maps the first word of an outcome to its plural.
+# OUTCOMES has other words for verdicts that would mislead in a summary. PLURALS has the plural of the first word of
+# an outcome.
 OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 
@@ -268,7 +281,10 @@ def outcome(rows: Sequence[Row]) -> str:
 
 
 def index(rows: Iterable[Row], page: str, headings: Mapping[str, Sequence[str]]) -> Display:
-    """Show each printed item with its heading in the book and the result."""
+    """Show each table, figure or other item of a paper, with its heading in the book and the outcome of its rows.
+
+    `page` is the page that shows this index. `headings` has the headings of each page of the paper.
+    """
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in sorted(rows, key=lambda row: row.is_statement):
         key = ("statements", row.page) if row.is_statement else (row.where, "")

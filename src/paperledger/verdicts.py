@@ -1,10 +1,12 @@
 """Derive verdicts on printed numbers and on statements from computed numbers.
 
-Printed digits are compared as decimals, since ``1.005`` is a tie between ``1.00`` and ``1.01`` on paper but not in
-binary.
+Numbers are compared as decimals, not as floats. The decimal ``1.005`` lies halfway between ``1.00`` and ``1.01``, but
+the nearest float does not.
 
-A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. The inequality that decides the
-statement is also stored: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``.
+A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. Here *clearly* requires that the
+left side is below 0.8 times the right side. The evidence of a statement is the inequality between computed numbers
+that decides the statement: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``. In this
+example the worst of four cases decides. Its name is ``ex2, Ms 1.4``.
 """
 
 import operator
@@ -17,15 +19,15 @@ from math import isfinite, isinf, isnan
 from numbers import Integral
 from typing import Any, Self, SupportsFloat
 
-Pair = tuple[float, float]  # integers remain integers
+Pair = tuple[float, float]  # left and right side; a whole number stays an int
 Cases = Mapping[Any, Pair] | Mapping[Any, float] | Pair | float
 
 DIGITS = 10  # significant digits of a stored value
 WIDEST = Decimal("0.05")  # largest tolerance, as a fraction of the printed number
-LONGEST, LARGEST_EXPONENT = 350, 330  # largest length and power of ten of a number in a file
+LONGEST, LARGEST_EXPONENT = 350, 330  # most characters before "e", and largest power of ten
 DECLARED = ("misprint", "as-read", "differs", "not-computable")  # verdicts that a person declares
 VERDICTS = ("reproduced", "last-digit", "approximate", "holds", "holds-in-part", "fails", *DECLARED)
-# If a person declares that two numbers disagree, the verdict derived from the numbers must not be one of these.
+# If a person declares a disagreement, the verdict that follows from the computed numbers must not be one of these.
 AGREEING = ("reproduced", "approximate", "holds", "holds-in-part")
 BASES = ("computed", "fitted", "from-print", "reading")
 
@@ -38,7 +40,7 @@ _WIDE = Context(prec=700)  # enough digits for any double and any printed place
 
 
 class LedgerError(ValueError):
-    """Raised if a ledger and the computed numbers disagree. The message has one line for each finding.
+    """Raised if a ledger has errors or disagrees with computed numbers. The message has one line for each error.
 
     Examples
     --------
@@ -48,7 +50,7 @@ class LedgerError(ValueError):
 
 
 def read_number(text: str) -> Decimal:
-    """Read a number. The result has the exponent of the last written place.
+    """Read a number from text. The result keeps all written places, including trailing zeros.
 
     >>> read_number("1.30")
     Decimal('1.30')
@@ -62,7 +64,7 @@ def read_number(text: str) -> Decimal:
 
 
 def plain(value: Any) -> int | float:
-    """Convert a computed number, possibly infinite or a NumPy scalar, to an int or a float."""
+    """Convert a computed number to an int or a float. The number may be infinite or a NumPy scalar."""
     scalar = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
     if isinstance(scalar, Integral) and not isinstance(scalar, bool):
         return int(scalar)
@@ -83,11 +85,11 @@ def unit(number: Decimal) -> Decimal:
 
 
 def agrees(fresh: str, stored: str) -> bool:
-    """Return True if a new number equals a stored one within a unit of the last stored place, or a relative 1e-9.
+    """Return True if a new number differs from a stored one by at most a unit of its last place, or a relative 1e-9.
 
-    A stored number with fewer decimals than the new one could hide a change, so it never agrees, with two exceptions.
-    One decimal less is allowed, since with ten digits a number above 10 has one decimal less than a number below 10.
-    Ten stored decimals always suffice, since further decimals of a computed zero are rounding noise.
+    A stored number with fewer decimals than the new number could hide a change, so they do not agree, with two
+    exceptions. One decimal less is allowed, since 10.00000000 and 9.999999999 both have ten digits. Ten stored decimals
+    always suffice, since further decimals of a computed zero are rounding noise.
 
     >>> agrees("0.3812", "0.3811"), agrees("0.3812", "0.3814"), agrees("0.3812", "0.38")
     (True, False, False)
@@ -98,9 +100,9 @@ def agrees(fresh: str, stored: str) -> bool:
 
 
 def write(value: float, floor: int, digits: int = DIGITS) -> str:
-    """Write a value with this number of significant digits, including trailing zeros.
+    """Write a value with `digits` significant digits, including trailing zeros.
 
-    Digits below ``10**floor`` are dropped, since a computed zero has only rounding noise there.
+    Digits below ``10**floor`` are dropped. In a computed zero these digits are only rounding noise.
 
     >>> write(0.5, -12), write(1.2e-17, -11), write(2.5e-7, -17, digits=3)
     ('0.5000000000', '0.00000000000', '2.50e-7')
@@ -110,7 +112,7 @@ def write(value: float, floor: int, digits: int = DIGITS) -> str:
 
 
 def shorten(text: str, digits: int) -> str:
-    """Round a real number for a reader. Integers and infinities do not change.
+    """Round a number that has a decimal point to `digits` significant digits. Integers and infinities do not change.
 
     >>> shorten("1.234567000", 4), shorten("12", 1), shorten("inf", 4), shorten("0.000000000000", 4)
     ('1.235', '12', 'inf', '0')
@@ -126,7 +128,7 @@ def shorten(text: str, digits: int) -> str:
 
 
 def same_text(old: str, new: str) -> bool:
-    """Return True if two texts have equal words and whole numbers, and if their decimals agree by `agrees`.
+    """Return True if two texts have equal words and integers, and if `agrees` is true for their decimal numbers.
 
     >>> same_text("worst of 2: a; ratio 0.31", "worst of 2: a; ratio 0.32"), same_text("2 of 10", "3 of 10")
     (True, False)
@@ -139,6 +141,8 @@ def same_text(old: str, new: str) -> bool:
 
 def show(printed: str, computed: str) -> str:
     """Round a stored number for display, to two decimal places more than printed and at least three digits.
+
+    Places that the stored number does not have are not added.
 
     >>> show("1.31", "1.309812345"), show("1200", "0.001234567890"), show("0.382", "0.38")
     ('1.3098', '0.00123', '0.38')
@@ -155,7 +159,7 @@ def _text(number: Decimal, place: int) -> str:
 
 
 def tolerance(note: str, printed: Decimal) -> Decimal | None:
-    """Read the tolerance in a note: ``tolerance 1 %`` of the printed number, or ``tolerance 0.02`` in its units.
+    """Read the tolerance in a note: ``tolerance 1 %`` of the printed number, or ``tolerance 0.02`` in the same unit.
 
     >>> tolerance("measured with noise: tolerance 5 %", Decimal("2.0"))
     Decimal('0.10')
@@ -193,14 +197,16 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
     Parameters
     ----------
     printed, computed : str
-        Two numbers with all their digits.
+        The two numbers, as text with all digits.
     note : str, optional
         Note that may set a tolerance (see `tolerance`).
 
     Returns
     -------
     str or None
-        ``reproduced``, ``last-digit`` or ``approximate``. None if the numbers disagree: a person must then declare why.
+        Without a tolerance, ``reproduced`` if the numbers differ by at most half a unit of the last printed place, and
+        ``last-digit`` if they differ by at most one and a half. With a tolerance, ``approximate``. None if the numbers
+        disagree: a person must then declare a verdict.
 
     Raises
     ------
@@ -226,21 +232,22 @@ def derive(printed: str, computed: str, note: str = "") -> str | None:
 # --- statements -----------------------------------------------------------------------------------------------------
 
 ROUNDING = "rounding"  # convention of an *identity*, which states that a residual is only rounding error
-SIGNS = {  # comparison, and the signs to display if it holds and if it fails
+SIGNS = {  # for each sign: the comparison, the sign to display if it holds, and the sign to display if it fails
     "<": (operator.lt, "<", "≮"),
     "<=": (operator.le, "≤", "≰"),
     ">": (operator.gt, ">", "≯"),
     ">=": (operator.ge, "≥", "≱"),
     "==": (operator.eq, "=", "≠"),
-    "≈": (operator.eq, "≈", "≉"),  # replaced by the bounds of a convention
+    "≈": (operator.eq, "≈", "≉"),  # this comparison is not used: the bounds of a convention replace it
 }
 _PARTS = re.compile(r"(holds|fails) for: (.+)")
 _RELATION = re.compile(r"(?:(.*?) )?(<=?|>=?|==|≈)(?: (.*))?")
 _EVIDENCE = re.compile(r"(\S+) (<=?|>=?|==) (?:([\d.]+(?:/[\d.]+)?) \* )?(\S+)(?: \| (.+))?")
 
 
-# Conventions of all papers. For each sign of a relation they list the bounds that must hold. A bound is a sign and a
-# factor of the right side. The page *Notation* defines the words.
+# A convention gives a word such as *clearly* a numerical meaning, which is the same for all papers. For each sign that
+# a relation may have, the convention lists the bounds that must all hold. A bound is a sign and a factor of the right
+# side: "< 0.8" means left < 0.8 * right. The page *Notation* defines the words.
 CONVENTIONS = {
     "similar": {"≈": ">= 0.9, <= 1/0.9"},
     "slightly": {"<": "<, >= 0.9", ">": ">, <= 1/0.9"},
@@ -271,8 +278,8 @@ class Relation:
     some : bool
         True if one case is enough. By default every case must hold.
     parts : tuple of str
-        For a statement that holds in part, names of cases that are declared to hold or to fail. The name ``ex2`` also
-        stands for all cases such as ``ex2, Ms 1.4``.
+        If a statement holds only in part, names of the cases that a person declared to hold or to fail. The name
+        ``ex2`` stands for the case ``ex2`` and for all cases such as ``ex2, Ms 1.4``.
     parts_hold : bool
         True if `parts` hold and all other cases fail. False if `parts` fail and all other cases hold.
 
@@ -310,7 +317,7 @@ class Relation:
         Raises
         ------
         LedgerError
-            If the text is not a relation, or if the convention does not exist for the sign.
+            If the text is not a relation, if the convention does not exist for the sign, or if an identity has parts.
 
         Examples
         --------
@@ -336,7 +343,10 @@ class Relation:
 
     @property
     def is_identity(self) -> bool:
-        """True if a residual must be only rounding. The evidence then has only the decade of the residual."""
+        """True if the statement is that a residual is only rounding error.
+
+        The evidence then has the residual rounded up to a power of ten, since the digits depend on the machine.
+        """
         return self.convention == ROUNDING
 
     @property
@@ -347,7 +357,7 @@ class Relation:
         return ", ".join(filter(None, said))
 
     def decide(self, cases: Cases, digits: int = DIGITS, strict: bool = True) -> "Evidence":
-        """Find the decisive case: the worst case, or the best case if one case is enough.
+        """Find the case that decides the statement: the worst case, or the best case if one case is enough.
 
         Parameters
         ----------
@@ -356,7 +366,7 @@ class Relation:
         digits : int, optional
             Significant digits of real numbers. Integers stay exact.
         strict : bool, optional
-            If True, every case of a statement that holds in part must hold or fail as declared.
+            If True, and if the statement holds in part, every case must hold or fail as declared.
 
         Returns
         -------
@@ -365,7 +375,8 @@ class Relation:
         Raises
         ------
         LedgerError
-            If there is no case, or if the relation cannot compare a side, such as a float with ``==``.
+            If there is no case, if a side has a wrong type, such as a float with ``==``, or if a case does not hold or
+            fail as declared.
 
         Examples
         --------
@@ -389,7 +400,10 @@ class Relation:
         return self._evidence(pairs, digits, which)
 
     def _evidence(self, pairs: dict[str, Pair], digits: int, which: str) -> "Evidence":
-        """Return the evidence of the worst case, or of the best case if one case is enough."""
+        """Return the evidence of the worst case, or of the best case if one case is enough.
+
+        The remark begins with the text `which`, where ``{}`` stands for the name of the case.
+        """
         slack = {name: self._slack(*pair) for name, pair in pairs.items()}
         name = (max if self.some else min)(slack, key=lambda case: slack[case][0])
         remark = "; ".join(filter(None, (which.format(name), _ratios([*pairs.values()]))))
@@ -398,7 +412,7 @@ class Relation:
         return Evidence(left, *slack[name][1], right, remark)
 
     def _in_part(self, pairs: dict[str, Pair], digits: int, strict: bool) -> "Evidence":
-        """Return the evidence of the worst case declared to hold, and of the best case declared to fail."""
+        """Return the evidence of the worst case that is declared to hold, and of the best that is declared to fail."""
         if idle := [part for part in self.parts if not any(_belongs(name, part) for name in pairs)]:
             raise LedgerError(f"no case is called {' or '.join(idle)}; there are {'; '.join(pairs)}")
         declared = {n: any(_belongs(n, part) for part in self.parts) == self.parts_hold for n in pairs}
@@ -418,7 +432,10 @@ class Relation:
         return replace(decisive[0], but=decisive[1])
 
     def _slack(self, left: float, right: float) -> tuple[float, tuple[str, str]]:
-        """Return the relative distance of a case from its nearest bound (negative if the case fails), and the bound."""
+        """Return the smallest relative distance of a case from a bound, and this bound.
+
+        The distance from a bound is negative if the bound does not hold.
+        """
         if self.sign == "==" and not (isinstance(left, int) and isinstance(right, int)):
             raise LedgerError(f"'==' compares integers, found {left!r} and {right!r}; use <= for a residual")
         if self.convention and not (0 <= left < float("inf") and 0 <= right < float("inf")):
@@ -429,12 +446,16 @@ class Relation:
             asked = float(_times(factor)) * right if factor else right
             larger = max(abs(left), abs(asked))
             gap = float(left != asked) if isinf(larger) else abs(left - asked) / (larger or 1)
-            # Round, so that rounding errors do not decide which of two equally distant cases is the worst.
+            # Round the distance, so that rounding errors do not decide which of two equal cases is the worst.
             bounds.append((round(gap if SIGNS[sign][0](left, asked) else -gap, 9), (sign, factor)))
         return min(bounds, key=lambda pair: pair[0])
 
     def _residual(self, residuals: list[float]) -> "Evidence":
-        """Return the evidence of the largest residual: its decade, or all digits if it is above the tolerance."""
+        """Return the evidence of the largest residual.
+
+        A residual within the tolerance is rounded up to a power of ten, but not above the tolerance. A larger residual
+        keeps `DIGITS` digits.
+        """
         largest, tolerance = max(map(abs, residuals)), float(self.right)
         if not isfinite(largest):
             raise LedgerError(f"a residual must be finite, found {largest}")
@@ -446,7 +467,7 @@ class Relation:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Inequality of two computed numbers that decides a statement.
+    """Inequality between two computed numbers that decides a statement.
 
     Parameters
     ----------
@@ -455,13 +476,13 @@ class Evidence:
     sign : str
         One of ``< <= > >= ==``.
     factor : str
-        Factor of the right number: ``0.8``, ``1/0.9`` or empty.
+        Factor of the right number, such as ``0.8`` or ``1/0.9``, or empty.
     right : str
         The right number with its digits.
     remark : str, optional
-        Number of cases, name of the decisive case, and range of left / right.
+        Number of cases, name of the case that decides, and range of the ratio left / right over all cases.
     but : Evidence, optional
-        For a statement that holds in part, the inequality that fails. In the row it follows ``||``.
+        If the statement holds only in part, the inequality that fails. In the row, this inequality follows ``||``.
 
     Examples
     --------
@@ -521,7 +542,7 @@ class Evidence:
 
     @property
     def verdict(self) -> str:
-        """The verdict of the written numbers: ``holds``, ``holds-in-part`` or ``fails``."""
+        """The verdict that follows from the stored digits: ``holds``, ``holds-in-part`` or ``fails``."""
         if self.but:
             verdicts = tuple(inequality.verdict for inequality in self.inequalities)
             return "holds-in-part" if verdicts == ("holds", "fails") else "fails"
@@ -530,7 +551,7 @@ class Evidence:
         return "holds" if SIGNS[self.sign][0](_exact(self.left), asked) else "fails"
 
     def shown(self) -> str:
-        """Return the inequality for a reader: negated if it fails, with enough digits to distinguish both sides.
+        """Return the inequality for display. Its sign is negated if it fails, and different sides get different digits.
 
         Returns
         -------
@@ -556,7 +577,7 @@ def _name(key: object) -> str:
 
 
 def _belongs(name: str, part: str) -> bool:
-    """Return True if the name of a case is the part, or begins with the part and a comma."""
+    """Return True if the name of a case equals `part`, or begins with `part` and a comma."""
     return name == part or name.startswith(f"{part}, ")
 
 
@@ -568,14 +589,14 @@ def _pair(value: object) -> Pair:
 
 
 def _side(value: float, scale: float, digits: int) -> str:
-    """Write one side. Integers stay integers. Digits below 1e-12 * scale are dropped as noise."""
+    """Write one side of an inequality. Integers stay integers. Drop digits below about 1e-12 `scale` as noise."""
     if isinstance(value, int) or isinf(value):
         return str(value)
     return write(value, Decimal(repr(float(scale))).adjusted() - 12 if scale else -400, digits)
 
 
 def _ratios(pairs: list[Pair]) -> str:
-    """Return the range of left / right in words, if all sides are positive real numbers and not all are integers."""
+    """Return the range of left / right as text, or "" if a side is not positive and finite or all are integers."""
     sides = [side for pair in pairs for side in pair]
     if all(isinstance(side, int) for side in sides) or not all(0 < side < float("inf") for side in sides):
         return ""
@@ -584,7 +605,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits. If that gives 1, use up to five. Write tiny and huge ratios as bounds."""
+    """Round a ratio to two digits, or to up to five digits if fewer give 1. Write tiny and huge ratios as bounds."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)
