@@ -1,10 +1,11 @@
 r"""Measure characteristic areas from a record, for tuning without a model (vrancic2021).
 
 The paper integrates the record repeatedly: :math:`y_k = \int (A_{k-1} u_0 - y_{k-1})\,dt`, :math:`A_k = y_k(\infty)`.
-Here the areas are computed from moments of u and y about the time of the change. The integrals end when the record has
-settled. Without noise both methods give the same areas. Repeated integration runs to the end of the record, where noise
-has the largest weight. In a record of 1/(s + 1)^4 that is 50 time constants long and has noise of 0.001, the error of
-A_5 is 50 % with repeated integration and 3 % with moments.
+Here :math:`u_0` and :math:`y_0` are the changes of u and y, divided by the final change of u. This module computes the
+areas from moments of u and y about the time of the change. The integrals end when the record has settled. Without noise
+both methods give the same areas. Repeated integration runs to the end of the record, where noise has the largest
+weight. For a unit step response of 1/(s + 1)^4 that is 50 time constants long and has noise of standard deviation
+0.001, the error of A_5 is 50 % with repeated integration and 3 % with moments.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ LAGS = (0.5, 1.0, 2.0, 4.0, 8.0)  # time constants of the exponentials in `_tran
 SHORTEST = 0.05  # least length of a steady state, relative to the record after the first move of u
 SHORTER = 0.9  # if a section is not steady, the next section tried is shorter by this factor
 DRIFT = 2.5  # a transient of up to this number of standard deviations counts as noise
-FADE = 5.0  # like DRIFT, but for the squares of the record, which scatter more
-LONGER = 1.1  # the visible duration of a transient is multiplied by this, since noise hides the end
+FADE = 5.0  # like DRIFT, but for the squared deviations, which scatter more
+LONGER = 1.1  # the visible duration of a transient is multiplied by this, since noise hides its end
 ROUNDING = float(np.finfo(float).eps)  # a smaller drift, relative to the level, is a rounding error
 UNCERTAIN = 0.05  # a larger relative uncertainty of an area causes a warning
 
@@ -49,7 +50,7 @@ class MeasuredAreas:
     Attributes
     ----------
     values : ndarray, shape (count,)
-        A_0, A_1, ..., in units of y per unit of u times time^k.
+        A_0, A_1, .... The unit of A_k is (unit of y) / (unit of u) * time^k.
     covariance : ndarray, shape (count, count)
         Covariance of the errors of `values`, estimated from noise and drift in the final steady state.
     input_levels, output_levels : tuple of float
@@ -96,8 +97,8 @@ def from_record(
     .. math:: a_0 = \Delta y, \qquad
               a_k = \int_0^{\tau_1} \frac{\tau^{k-1}}{(k-1)!} \left(y_\infty - y(\tau)\right) d\tau
 
-    are the areas of s y(s). The areas of s u(s) follow in the same way. The areas of the process are the quotient of
-    the two power series.
+    are the areas of s y(s). The areas of s u(s) follow in the same way. Both lists of areas are the
+    coefficients of a power series. The quotient of the two series has the areas of the process as coefficients.
 
     Parameters
     ----------
@@ -107,10 +108,10 @@ def from_record(
         Input (held from each sample to the next) and output. Both must be steady at the end. Without `start`, they must
         be steady at the beginning, too.
     count : int
-        Number of areas, at least 1. A controller of order m needs 2m + 4.
+        Number of areas, at least 1. The magnitude optimum needs 2m + 4 areas for a controller of order m.
     start : tuple of float, optional
-        Levels (u, y) before the record, for a change that begins with the first sample. By default the first sample of
-        u, and the mean of y until u first moves. Give `start` if u is noisy.
+        Levels (u, y) before the record, for a change that begins with the first sample. By default, the level of u is
+        its first sample, and the level of y is the mean of y until u first moves. Give `start` if u is noisy.
 
     Returns
     -------
@@ -130,15 +131,17 @@ def from_record(
     Notes
     -----
     Sampling with step h causes only one error that matters. If the slope of y jumps by y', as in the response of
-    a single lag, the error of A_1 is about h² y'/12.
+    a single lag, the error of A_1 is about h² y'/12, divided by the change of u.
 
     The last section of the record counts as a steady state if no transient is found in it. The section is divided into
-    sixteen pieces, and the means of the pieces are compared with five decaying exponentials, whose time constants are
-    1/32 to 1/2 of the section. A transient is found if the component of an exponential in the means exceeds 2.5 times
-    the standard deviation that noise gives this component. A decaying oscillation appears in the means of the squared
-    deviations, where the limit is 5 standard deviations. Noise hides the end of the transient, and without this end all
-    areas would be too small. Therefore the time from the first move of the input to the steady state is made a tenth
-    longer. The integrals end where the steady state begins. The final levels are means of the steady state.
+    sixteen pieces. The means of the pieces are projected on five decaying exponentials, whose time constants are 1/32
+    to 1/2 of the section. A transient is found if one of these five components exceeds 2.5 times the standard deviation
+    that noise alone would cause. A decaying oscillation hardly changes the means. So the same test is applied to the
+    squared deviations from the mean, with 5 in place of 2.5 standard deviations.
+
+    Noise hides the end of the transient, and without this end all areas would be too small. Therefore the time from the
+    first move of the input to the steady state is made a tenth longer. The integrals end where
+    the steady state begins. The final levels are means of the steady state.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
     :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The steady state is divided into quarters.
@@ -169,7 +172,7 @@ def from_record(
     if abs(step) <= 1e-9 * np.max(np.abs(u - u0)):
         raise ValueError(f"u must not return to its first level: it starts at {u0:.6g} and ends at {u1:.6g}")
     tau = h * np.arange(last - first + 1)
-    # tau^k / k!
+    # Row k is tau^k / k!.
     weights = np.cumprod([np.ones_like(tau), *(tau / k for k in range(1, max(count, 3) + 1))], axis=0)
     a_u = np.append(step, _of_steps(u1 - u[first : last + 1], weights)) / step
     a_y = np.append(y1 - y0, _of_samples(y1 - y[first : last + 1], weights, h)) / step
@@ -231,10 +234,11 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
 
 
 def _pieces(x: Array) -> tuple[Array, float]:
-    """Return the means of the pieces relative to the last sample, and the standard deviation of a mean due to noise."""
+    """Return the mean of each piece minus the last sample, and the standard deviation of a mean due to noise."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
-    return means, float(np.median(np.abs(np.diff(means))) / 0.954)  # for Gaussian noise
+    # For Gaussian noise, the median of the absolute differences is 0.954 standard deviations.
+    return means, float(np.median(np.abs(np.diff(means))) / 0.954)
 
 
 def _noise(x: Array, h: float) -> tuple[float, float]:
@@ -258,7 +262,7 @@ def _steady(x: Array) -> bool:
 
 
 def _transients(x: Array) -> tuple[Array, float]:
-    """Return the components of decaying exponentials in the means of the pieces, and their standard deviation."""
+    """Return the components of decaying exponentials in the means of the pieces, and the deviation due to noise."""
     means, spread = _pieces(x)
     shapes = np.exp(-np.arange(PIECES) / np.array(LAGS)[:, None])
     shapes -= np.mean(shapes, axis=1, keepdims=True)
@@ -268,8 +272,8 @@ def _transients(x: Array) -> tuple[Array, float]:
 def _of_samples(x: Array, weights: Array, h: float) -> Array:
     """Integrate the product of a smooth signal x and tau^(k-1)/(k-1)! for k = 1, 2, ... by the trapezoidal rule.
 
-    The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning x is constant and the
-    integrand a power of tau, so the Euler-Maclaurin formula gives a correction.
+    The rule is exact to all powers of h if the integrand is flat at both ends. At the beginning, x is constant, so the
+    integrand is a constant times a power of tau. The Euler-Maclaurin formula gives the correction for this end.
     """
     product = weights[:-2] * x
     k = np.arange(1, len(product) + 1)
@@ -287,7 +291,8 @@ def _moment_covariance(
 ) -> Array:
     """Estimate the covariance of the moments of y from the steady state at the end.
 
-    Errors in the moments of u are replaced by errors in the moments of y with the same effect on the areas.
+    Errors in the moments of u are replaced by errors in the moments of y with the same effect on the areas. `before` is
+    the number of samples before the change, and `unseen` is the error of a level due to quantisation.
     """
     (density, drift), window, size = _noise(y, h), h * (y.size - 1), len(values)
     level = weights[:size, -1]
@@ -308,8 +313,8 @@ def _moment_covariance(
 def _quantisation(y: Array, end: Array) -> float:
     """Return the largest error of a level due to quantisation: half a quantisation step, reduced by noise.
 
-    The step is the smallest difference of two values of the record. If y has fewer than three values, the step is
-    unknown and the result is 0. Gaussian noise of standard deviation sigma multiplies the error of a mean by
+    The step is the smallest difference of two values of the record. If y has fewer than three different values, the
+    step is unknown and the result is 0. Gaussian noise of standard deviation sigma multiplies the error of a mean by
     exp(-2 pi^2 sigma^2/step^2), if only the first harmonic of the error is counted.
     """
     steps = np.diff(np.unique(y))
@@ -322,8 +327,9 @@ def _quantisation(y: Array, end: Array) -> float:
 def _tail(values: Array, level: Array, window: float) -> tuple[Array, float]:
     """Return (errors of the moments) / (height of a slow tail), and (height of the tail) / (drift that it causes).
 
-    The tail decays like a lag. The time constant is the standard deviation of the impulse response, so that a dead time
-    has no effect. The integrals end before the tail does. The tail also shifts the final level.
+    The tail decays like a lag. Its time constant is the standard deviation of the impulse response, so that a dead time
+    has no effect. The tail causes two errors: the integrals end before it has decayed, and it shifts the final level.
+    The drift is the mean of the first quarter of the steady state minus the overall mean.
     """
     gain, mean, square = values[:3]
     lag = math.sqrt(abs(2 * square / gain - (mean / gain) ** 2)) if gain else 0.0

@@ -5,8 +5,8 @@ They are also the moments of the impulse response h(t), eqs. (4) and (5):
 
 .. math:: P(s) = A_0 - A_1 s + A_2 s^2 - A_3 s^3 + \dots, \qquad A_k = \frac{1}{k!} \int_0^\infty t^k h(t)\,dt .
 
-The areas of blocks in series are the convolution of their areas. In our copy of the paper, eq. (7) has :math:`A_1`
-where the recursion needs :math:`A_i`.
+If blocks are in series, the areas of the whole are the convolution of the areas of the blocks. In our copy of the
+paper, eq. (7) has :math:`A_1` where the recursion needs :math:`A_i`.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from pidalab.roots import roots
 
 
 def from_process(process: Process, count: int) -> Array:
-    """Compute the areas of a model with its dead time, each correctly rounded (eqs. (2) to (7)).
+    """Compute the areas of a model, including its dead time. Each area is correctly rounded (eqs. (2) to (7)).
 
     Parameters
     ----------
     process : Process
-        Stable process. A common factor s is cancelled.
+        Stable process. A common factor s of numerator and denominator is cancelled.
     count : int
         Number of areas, at least 1.
 

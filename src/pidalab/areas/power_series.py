@@ -21,7 +21,7 @@ def fractions(values: Iterable[Any]) -> list[Fraction]:
 
 
 def floats(series: Sequence[Fraction]) -> Array:
-    """Return fractions as floats. Raise on overflow."""
+    """Return fractions as floats. Raise ValueError if they overflow."""
     try:
         return np.array(series, dtype=float)
     except OverflowError:
@@ -35,7 +35,7 @@ def product(first: Sequence[Fraction], second: Sequence[Fraction]) -> list[Fract
 
 
 def quotient(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> list[Fraction]:
-    """Return the quotient of two series, truncated to the shorter length. The divisor must not start with 0."""
+    """Return the quotient of two series, truncated to the shorter length. `denominator[0]` must not be 0."""
     result: list[Fraction] = []
     for k in range(min(len(numerator), len(denominator))):
         known = sum((denominator[k - i] * result[i] for i in range(k)), Fraction(0))

@@ -42,7 +42,7 @@ class Comparison:
     process : Process
         The plant.
     ms, noise_gain, sample_time : float
-        Limits of Ms and noise gain for the optima, and the sample time of the noise.
+        Limits of Ms and noise gain (in units of u per unit of y) for the optima, and the sample time of the noise.
     rows : tuple of DesignRow
         Measured designs.
     """
@@ -64,7 +64,7 @@ class Comparison:
         Returns
         -------
         bool
-            False also if the noise gain is unknown.
+            False if a limit is exceeded, or if Ms or the noise gain is NaN.
 
         Examples
         --------
@@ -123,7 +123,7 @@ def compare(
     Raises
     ------
     TypeError, ValueError
-        If `process` is not a process, or a limit is out of range.
+        If `process` is not a process, if a limit is out of range, or if the name of a rule is unknown.
 
     Examples
     --------
@@ -146,14 +146,14 @@ def compare(
 def designs(
     process: Process, requirements: Requirements, rules: Iterable[str] | None = None
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
-    """Yield the designs of every rule, and then the optima.
+    """Yield a function that designs the controller for each kind of each rule, and then for each optimum.
 
     Parameters
     ----------
     process : Process
         The plant.
     requirements : Requirements
-        Ms, and the noise gain with its sample time.
+        Limits for the rules and the optima: Ms, and the noise gain with its sample time.
     rules : iterable of str, optional
         As for `compare`.
 

@@ -19,7 +19,8 @@ from pidalab.rules import Design
 from pidalab.rules.models import time_scale
 
 LONGEST_FILTER = 1e4  # longest filter time that is tried, in sample times
-LEAST_SCALE = 0.01  # smallest factor of the gains; with smaller gains a controller has no effect
+# Smallest allowed factor of the gains. With smaller gains, a controller has almost no effect.
+LEAST_SCALE = 0.01
 TIME_RTOL = 1e-7  # relative accuracy of the filter time
 # With DENSITY times the usual number of frequencies, six digits of the noise gain are correct.
 DENSITY = 4
@@ -44,14 +45,15 @@ def at_equal_terms(
     ms : float
         Maximum sensitivity of the result, above 1.
     noise_gain : float
-        Largest noise gain.
+        Largest allowed noise gain, in units of u per unit of y.
     sample_time : float
         Sample time of the noise, and shortest allowed filter time.
 
     Returns
     -------
     Design
-        Design with a `HighOrderPID`. `info` has the ``factor`` of the gains, ``ms``, and ``noise_gain``.
+        Design with a `HighOrderPID`. Its `info` contains ``factor`` (by which the gains were multiplied), ``ms`` and
+        ``noise_gain``.
 
     Raises
     ------
@@ -114,7 +116,8 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
     """Search for the shortest filter time that keeps the noise within its limit.
 
-    `scaled` is a function of the logarithm of the filter time.
+    `scaled` is a function of log(filter time / sample time). It returns the noise gain, the factor of the gains and the
+    controller.
     """
     tried: dict[float, tuple[float, float, HighOrderPID]] = {}
 
@@ -130,5 +133,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
     # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So a filter time
-    # with exactly this noise gain may not exist. Return the shortest one found below the limit.
+    # with exactly this noise gain may not exist. The result for the shortest filter time found below the limit is used.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

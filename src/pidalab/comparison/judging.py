@@ -35,15 +35,17 @@ class DesignRow(NamedTuple):
     tv : float
         Total variation of u after the load step.
     delay_margin : float
+        Delay margin, in the unit of time of the plant.
     reason : str
-        Reason for a missing design or measure.
+        Reason for a missing design or measure, or a remark on how the noise gain was measured.
     design : Design or None
+        The design. None if the rule does not apply or a measurement failed.
     peak : float
         Largest deviation of the output after the load step.
     overshoot : float
         Overshoot after the step of the set point, in per cent.
     load, setpoint : Response or None
-        Responses to the unit steps.
+        Responses to unit steps of the load and of the set point.
     iae_worst, ms_worst : float
         A design can also be tested on plants that differ from the model. `ms_worst` is the largest Ms on these plants.
         For a digital controller, Ms of the sampled loop is used. `iae_worst` is the IAE with the plant that gives
@@ -192,7 +194,11 @@ def text_table(
     width: int,
     notes: Notes = lambda row: "",
 ) -> list[str]:
-    """Return head and rows as lines. `names` maps attributes to widths, `columns` maps headings to attributes."""
+    """Return the heading and the rows of a table as lines of text.
+
+    `names` maps the attributes in the left columns to their widths in characters. `columns` maps the headings of the
+    other columns to attributes. These columns have at least `width` characters.
+    """
     widths = [*names.values(), *(max(width, len(heading) + 2) for heading in columns)]
     left = [name if len(names) > 1 else "" for name in names]
     lines = [set_out([*left, *columns], widths, len(names))]
@@ -209,7 +215,7 @@ def text_table(
 def html_table(
     rows: Sequence[DesignRow], names: Sequence[str], columns: Mapping[str, str], notes: Notes = lambda row: ""
 ) -> str:
-    """Return the rows as an HTML table, with a column of notes if there are any."""
+    """Return the rows as an HTML table, with a column of notes if any row has a note."""
     noted = any(map(notes, rows))
     heads = [*names, *columns, *(["note"] * noted)]
     body = []

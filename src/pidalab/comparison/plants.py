@@ -33,7 +33,7 @@ class Case(NamedTuple):
 
 
 def _product(times: tuple[float, ...], num: tuple[float, ...] = (1.0,), delay: float = 0.0) -> Process:
-    """Return num divided by the product of all 1 + T s."""
+    """Return a process with dead time: num divided by the product of all 1 + T s. A time T of 0 is left out."""
     den = np.ones(1)
     for time in times:
         den = np.convolve(den, [time, 1.0]) if time else den

@@ -18,11 +18,13 @@ from pidalab.areas.measured import is_record
 from pidalab.process import Process, ipdt
 
 LEVELS = (0.05, 0.353, 0.853)  # levels of the three-point model, as shares of the change
-OVERSHOOT = 0.1  # largest accepted overshoot; the model has real poles, so an overshoot must be noise
+# Largest accepted overshoot, as a share of the change. The model has real poles, so an overshoot must be noise.
+OVERSHOOT = 0.1
 MOST_ENDS = 400  # `ipdt_least_squares` tries at most this number of end times t_1
 # A record has settled if the means of its last two tenths differ by less than this share of the whole change.
 STILL_MOVING = 0.01
-NOISY = 0.01  # noise above this share of the whole change causes a warning, since single samples then mislead
+# Noise above this share of the whole change causes a warning, since single samples are then unreliable.
+NOISY = 0.01
 # If `excess_gain` is above this, a tuned loop has a clearly larger Ms with the process than with the model.
 MOST_EXCESS_GAIN = 0.25
 
@@ -55,8 +57,8 @@ class ThreePointModel:
     times : tuple of float
         Times at which the record reaches 5 %, 35.3 % and 85.3 % of the change.
     excess_gain : float
-        Largest value of (gain of the record) / (gain of the model) - 1 up to the frequency 1/(αL), near which the rules
-        place the crossover. nan if unknown.
+        Largest value of (gain of the record) / (gain of the model) - 1 at frequencies up to 1/(αL). The rules place the
+        crossover near this frequency. The value is nan if it was not computed.
     """
 
     gain: float
@@ -88,7 +90,8 @@ def three_point(
     t : array_like, shape (n,), or Record
         Uniform times with the step at t = 0, or a `Record`, which has its own output, step and rest level.
     y : array_like, shape (n,), optional
-        Output, from rest to rest. The first sample is the rest level, and the mean of the last tenth the final level.
+        Output, which settles at the end. The first sample is the rest level. The mean of the last tenth of the samples
+        is the final level.
     step : float, optional
         Change of the input, not 0. By default 1.
     crossing : {"interpolated", "sampled"}, optional
@@ -98,7 +101,7 @@ def three_point(
     Returns
     -------
     ThreePointModel
-        The parameters. Its `process` is the model.
+        Parameters of the model. Its attribute `process` is the model as a `Process`.
 
     Notes
     -----
@@ -108,7 +111,7 @@ def three_point(
     The formulas of eq. (5) underestimate a dead time that is short compared with the dominant lag. For a process with
     τ = 1, L = 0.25 and α = 0.9 they give α = 0.31. The step responses of model and process differ only by 3 %. But if
     the rule of haalman2024 is applied to this model with Ms = 1.4, the loop with the process has Ms = 2.99.
-    `excess_gain` shows this error.
+    A large `excess_gain` shows that a model has such an error.
 
     Raises
     ------
@@ -173,14 +176,15 @@ def ipdt_tangent(
 ) -> Process:
     r"""Approximate the steepest segment of a step response by an integrator with dead time.
 
-    The straight line through the segment has the slope K times `step`, and reaches the rest level at the dead time L.
-    The model is :math:`K e^{-Ls}/s`. It describes the beginning of the response, even if the process settles later.
+    The model is :math:`K e^{-Ls}/s`. The straight line through the segment has the slope K times `step`. It meets the
+    rest level at the time L after the step. The model describes the beginning of the response, even if the process
+    settles later.
 
     ============  ===========================
     huba2018      result
     ============  ===========================
     K_sm          gain of the `ipdt`
-    T_dm          its delay
+    T_dm          delay of the `ipdt`
     ============  ===========================
 
     Parameters
@@ -194,8 +198,9 @@ def ipdt_tangent(
     span : float, optional
         Length of the segment in time, rounded to whole steps of t. By default a third of the rise time for a Record
         with noise, and otherwise one step of t. If the segment is one sample interval h, the relative errors of slope
-        and dead time are of the order of h^2. If the record is steepest at a corner, they are of the order of h. If
-        arrays contain noise, give a longer `span`, over which a line is fitted by least squares.
+        and dead time are of the order of h^2. If the record is steepest at a corner, these errors are of the order of
+        h. If arrays contain noise, give a longer `span`. A line is then fitted to all samples of the span by least
+        squares.
 
     Returns
     -------
@@ -205,8 +210,8 @@ def ipdt_tangent(
     Raises
     ------
     TypeError, ValueError
-        If the record ends where it began, the span is longer than the record, or the line reaches the rest level before
-        the step. Also if a Record has no step or is given together with y or step.
+        If the record ends where it began; if the span is longer than the record; if the line meets the rest level
+        before the step; or if a Record has no step or is given together with y or step.
 
     References
     ----------
@@ -256,7 +261,7 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     t : array_like, shape (n,)
         Uniform times that start at 0.
     y : array_like, shape (n,)
-        Output, taken as linear between samples. Before t = 0 it rests at its first sample.
+        Output, taken as linear between samples. Before t = 0 the output is equal to its first sample.
     filter_time : float
         Time constant of the filter, above 0.
     filter_order : int
@@ -282,7 +287,8 @@ def binomial_filtered(t: ArrayLike, y: ArrayLike, filter_time: float, filter_ord
     t, y = _check.signals(t, y=y)
     h = float(t[-1] / (t.size - 1)) / _check.real("filter_time", filter_time, above=0.0)
     order = _check.order("filter_order", filter_order, at_least=1)
-    # Use lags in series, in units of the filter time. `lsim` interpolates the input linearly.
+    # The filter consists of equal lags in series. Times are divided by the filter time, so each lag has the
+    # time constant 1. `lsim` interpolates the input linearly.
     lags = np.eye(order, k=-1) - np.eye(order)
     first, last = np.eye(order)[:, :1], np.eye(order)[-1:]
     _, filtered, _ = lsim((lags, first, last, [[0.0]]), y - y[0], h * np.arange(t.size))
@@ -294,15 +300,15 @@ def ipdt_least_squares(
 ) -> Process:
     r"""Fit an integrator with dead time to the beginning of a step response by least squares.
 
-    The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. It is fitted to the record
-    from 0 to t_1, for many t_1. The fit with the largest gain K is used, since a large gain makes the tuning cautious
-    (huba2024, sec. 3.1). The record is not differentiated, so noise has little effect.
+    The step response of the model :math:`K e^{-Ls}/s` is constant up to L, and then a ramp. The response is fitted to
+    the record from 0 to t_1, for many values of t_1. The fit with the largest gain K is used, since a large gain makes
+    the tuning cautious (huba2024, sec. 3.1). The record is not differentiated, so noise has little effect.
 
     ============  ===========================
     huba2024      result
     ============  ===========================
     K_s           gain of the `ipdt`
-    T_d           its delay
+    T_d           delay of the `ipdt`
     ============  ===========================
 
     Parameters
@@ -314,9 +320,9 @@ def ipdt_least_squares(
     step : float, optional
         Change of the input, not 0. By default 1.
     rise : float, optional
-        Fraction of the whole change, between 0 and 1. The smallest t_1 is the time at which the output was last below
-        this fraction. The fraction must be large compared with the noise. If the fraction is small and the output is
-        steepest at its beginning, the gain may approach that of `ipdt_tangent`.
+        Fraction of the whole change, between 0 and 1. From the smallest t_1 on, the output stays at or above this
+        fraction. The fraction must be large compared with the noise. If the fraction is small and the output is
+        steepest at its beginning, the gain may approach the gain from `ipdt_tangent`.
 
     Returns
     -------
@@ -363,7 +369,7 @@ def _hinge(t: Array, y: Array) -> tuple[float, float]:
     Notes
     -----
     For a ramp that starts between two given samples, a regression line through the later samples gives the best start
-    and slope. The start is clipped to the interval. The best result of all intervals and their ends is returned.
+    and slope. The start is clipped to the interval. The best ramp of all intervals is returned.
     """
     # Entry i of each array is the sum over sample i and all later samples.
     count, st, stt, sy, sty = (np.cumsum(x[::-1])[::-1] for x in (np.ones_like(t), t, t * t, y, t * y))
@@ -389,7 +395,10 @@ def _whole_change(y: Array) -> float:
 
 
 def _experiment(t: ArrayLike | Any, y: ArrayLike | None, step: float | None) -> tuple[Array, Array, float]:
-    """Check a step experiment. Return times from the step on, output and change of the input."""
+    """Check a step experiment. Return times from the step on, output and change of the input.
+
+    For a Record, the output is the response to a unit step, relative to the rest level.
+    """
     if is_record(t):
         if y is not None or step is not None:
             raise TypeError("y and step must be left out with a Record, which contains them")
