@@ -1,4 +1,4 @@
-"""Output of all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, and the manifest."""
+"""Make what covers all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, and the manifest."""
 
 import re
 from collections.abc import Sequence
@@ -20,10 +20,11 @@ def _title(book: Ledger) -> str:
 
 
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
-    """Return the scores (total and each paper), and a table of them. A line has a kind, a label and the counts.
+    """Return the score of all papers and of each paper, and the lines of a table of these scores.
 
-    A line with an empty kind is the sum of the lines below it, up to the next such line. The total is the first column,
-    for narrow screens.
+    A line has a kind of rows, a label, and the counts. The kind is empty for a sum. The first line is the sum over all
+    kinds. Each later sum adds the lines below it, up to the next sum. The counts of all papers come first, so that they
+    are visible on narrow screens.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}
@@ -85,7 +86,7 @@ def every_row(folder: Path | str | None = None) -> Display:
     Returns
     -------
     Display
-        The rows; in a terminal, the scores.
+        The HTML has the rows. The text for a terminal has only the score of each paper.
 
     Raises
     ------
@@ -119,12 +120,12 @@ def every_row(folder: Path | str | None = None) -> Display:
 
 
 def errata(verdict: str, folder: Path | str | None = None) -> Display:
-    """Show the rows with one verdict, paper by paper, with their evidence.
+    """Show the rows that have a given verdict, in a section for each paper, with the reasons in their notes.
 
     Parameters
     ----------
     verdict : str
-        A declared disagreement, such as ``misprint`` or ``as-read``.
+        A verdict that a person declares, such as ``misprint`` or ``as-read``.
     folder : path, optional
         As in `load_all`.
 
@@ -153,7 +154,7 @@ def errata(verdict: str, folder: Path | str | None = None) -> Display:
 
 
 def score_markdown(folder: Path | str | None = None) -> str:
-    """Return the score as a Markdown table between the comments that `write_score` finds.
+    """Return the scores as a Markdown table between two comments, by which `write_score` finds the table.
 
     Parameters
     ----------
@@ -201,7 +202,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
     Raises
     ------
     LedgerError
-        If the file does not have exactly one such block, or as in `load_all`.
+        If the file does not have exactly one such block, or if a ledger has errors.
 
     Examples
     --------
@@ -219,7 +220,7 @@ def write_score(path: Path | str, folder: Path | str | None = None) -> bool:
 
 
 def claims(folder: Path | str | None = None) -> str:
-    """Return the manifest of a folder as text: the columns `FROZEN` of all rows."""
+    """Return the text of the manifest: a table with the columns `FROZEN` and a line for each row of each ledger."""
     return table(FROZEN, [_frozen(row) for book in load_all(folder).values() for row in book.rows.values()])
 
 
@@ -235,12 +236,12 @@ def _frozen(row: Row) -> Sequence[str]:
 
 
 def freeze(folder: Path | str | None = None) -> list[str]:
-    """Write the manifest. Return the changed lines: old lines after -, new lines after +.
+    """Write the manifest. Return the changed lines: an old line begins with -, and a new line with +.
 
     Raises
     ------
     LedgerError
-        If an old id is missing and ``removed.csv`` gives no reason. Nothing is written then.
+        If an id of the old manifest has no row, and ``removed.csv`` gives no reason. Nothing is written then.
     """
     place = find_folder(folder)
     file, text, reasons = place / MANIFEST, claims(place), removed(place)

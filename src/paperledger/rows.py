@@ -18,7 +18,7 @@ from paperledger.verdicts import AGREEING, BASES, DECLARED, Evidence, LedgerErro
 FOLDER = Path("book", "ledger")
 MANIFEST = "manifest.csv"  # the reviewed list of claims
 REMOVED = "removed.csv"  # ids that must not be used again, with reasons
-# Largest tolerances of an identity, that is, of a statement that a residual is only rounding error:
+# An identity is a statement that a residual is only rounding error. Its tolerance may be at most:
 IDENTITY = 1e-9  # without a note
 ROUGHEST = 1e-6  # with a note
 WORDS = 5  # least number of words in a note that justifies a verdict
@@ -30,7 +30,7 @@ _MADE = re.compile(
 
 @contextmanager
 def naming(id: str) -> Iterator[None]:
-    """Add the id of a row to the message of an error."""
+    """Begin the message of each LedgerError in this context with the id of a row."""
     try:
         yield
     except LedgerError as error:
@@ -38,10 +38,10 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return True if settings were fitted, and why the value may stay if the library changes.
+    """Read the column ``made``. Return True if settings were fitted, and a reason if the value may stay in `shake`.
 
-    The reason is ``page`` (a formula of the page computes the value), ``count`` (the value is a whole number, or
-    a point of a grid), or empty.
+    The reason is ``page`` (a formula of the page computes the value) or ``count`` (the value is a whole number, or
+    a point of a grid). It is empty if the value must change when `shake` changes the library.
 
     >>> making("fit: 1 setting from 7 numbers: T_F, from Table 3 | count: samples of a record")
     (True, 'count')
@@ -69,7 +69,7 @@ class Row:
     printed : str
         The printed number, digit for digit, or a paraphrase of the statement.
     computed : str, optional
-        The computed number, or ``holds``, ``holds-in-part`` or ``fails``. Empty if the row is decided by
+        The computed number. For a statement, ``holds``, ``holds-in-part`` or ``fails``. Empty if the row is decided by
         reading the paper, or is not yet computed.
     verdict : str, optional
         One of `VERDICTS`, or empty if undecided.
@@ -78,7 +78,8 @@ class Row:
     page : str, optional
         The notebook that computes the value, as in `Ledger.open`. Empty if the row is decided by reading the paper.
     made : str, optional
-        Which settings were fitted to printed numbers, and why the value need not change in `shake`.
+        The settings that were fitted to printed numbers, if any, and the reason why the value need not change in
+        `paperledger.shake`, if there is one.
     relation : str, optional
         The `Relation` that a statement asserts.
     evidence : str, optional
@@ -180,7 +181,7 @@ class Row:
         return verdicts.difference(self.printed, self.computed) if self.is_number else None
 
     def shown(self) -> str:
-        """Return the computed entry for a reader. A number has two decimal places more than the printed number.
+        """Return the computed entry for display. A number is rounded to two places more than the printed number.
 
         Returns
         -------
@@ -225,7 +226,7 @@ class Row:
             return replace(self, computed=verdicts.write(number, floor, digits))
 
     def same(self, fresh: "Row") -> bool:
-        """Return True if a new row has the same numbers, to one unit of the last stored place.
+        """Return True if a new row has the same numbers as this row, in the sense of `agrees`.
 
         Parameters
         ----------
@@ -249,11 +250,11 @@ class Row:
             return verdicts.agrees(fresh.computed, self.computed)
         old, new = Evidence.parse(self.evidence), Evidence.parse(fresh.evidence)
         if Relation.parse(self.relation).is_identity and old.verdict == new.verdict == "holds":
-            return old.right == new.right  # the residual itself depends on the machine
+            return old.right == new.right  # compare the tolerances, since a residual depends on the machine
         return verdicts.same_text(self.evidence, fresh.evidence)
 
     def disagreement(self) -> str | None:
-        """Return why the verdict does not follow from the entries, or None if it follows.
+        """Return an error message if the verdict contradicts the other entries, otherwise None.
 
         Returns
         -------
@@ -279,7 +280,7 @@ class Row:
         return f"{self.id}: the file has the verdict {self.verdict or '(empty)'}, but {gives}{advice}"
 
     def problems(self) -> list[str]:
-        """List the errors of the row itself, one line each.
+        """List the errors that can be found in this row alone, one line each.
 
         Returns
         -------
@@ -373,7 +374,7 @@ def papers(folder: Path) -> list[str]:
 
 
 def book_title(paper: str, book: Path) -> str:
-    """Return the title of a paper from the references of a book, or an empty text."""
+    """Return the title of a paper from the references of a book, or an empty text if the paper is not there."""
     path = book / "references.bib"
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
     match = re.search(rf"@\w+\{{{paper},.*?\btitle\s*=\s*\{{(.*?)\}},?\n", text, re.DOTALL)
@@ -381,7 +382,7 @@ def book_title(paper: str, book: Path) -> str:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Read a csv file, which must have these columns and only printable characters."""
+    """Read a csv file. Raise an error if it has other columns, or a character that is not printable."""
     with path.open(encoding="utf-8", newline="") as file:
         try:
             header, *lines = [*csv.reader(file, strict=True)] or [[]]
@@ -398,7 +399,7 @@ def read_table(path: Path, columns: Sequence[str]) -> list[list[str]]:
 
 
 def removed(folder: Path) -> dict[str, str]:
-    """Return the removed ids of a folder with reasons. These ids must not be used again."""
+    """Return the ids of removed rows with the reasons. These ids must not be used again."""
     path = folder / REMOVED
     lines = read_table(path, ("id", "reason")) if path.is_file() else []
     if bare := [id for id, reason in lines if not reason.strip()]:

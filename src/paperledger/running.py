@@ -26,17 +26,17 @@ def pages(paper: str, folder: Path) -> list[Path]:
 
 
 def cells(path: Path) -> list[str]:
-    """Read the code cells of a notebook, without magics."""
+    """Read the code cells of a notebook, without IPython magics and shell commands."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
     code = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
     return [re.sub(r"(?m)^(%(?!%)|!).*$", "", source) for source in code]
 
 
 def execute(path: Path) -> Iterator[str]:
-    """Run the code cells of a notebook in its folder. Yield the output and the result of each cell.
+    """Run the code cells of a notebook in its folder. Yield the output and the result of each cell as text.
 
-    The cells run in this process and not in a kernel. So errors keep their types, `recording` and `shake` can change
-    how ledger and library work, and Jupyter is not needed.
+    The cells run in this process and not in a Jupyter kernel. Therefore errors keep their types, `recording` can change
+    how ledgers work, `shake` can change the results of a library, and Jupyter is not needed.
     """
     names: dict[str, Any] = {"__name__": "__main__", "display": lambda *shown: print(*shown, sep="\n")}
     here, sources = str(path.resolve().parent), cells(path)
@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # If several pages pass the same row, it is assigned to a page that closed its ledger.
+    # If several pages pass a value for the same row, a page that closed its ledger becomes the page of the row.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)
@@ -145,7 +145,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
 
 
 def _updated(row: Row, fresh: Row) -> Row:
-    """Return the row with the results of `fresh`, and derive its verdict unless a person declared one."""
+    """Return a row with the results of `fresh`. Its verdict follows from them, unless a person declared a verdict."""
     with naming(row.id):
         new = replace(row, page=fresh.page) if row.same(fresh) else fresh
         return new if row.verdict in DECLARED else replace(new, verdict=new.derived() or "")
@@ -209,5 +209,5 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Convert a text to lower case and keep only letters, since files differ in capitals, dashes and indices."""
+    """Convert a text to lower-case letters without other characters, since files write capitals, dashes and indices differently."""
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

@@ -1,7 +1,7 @@
 """Change every number that a library returns by a few parts in 100,000, and check which rows of a ledger change.
 
-If a page computes a number with the library, the number changes. If the number was copied, it stays. So a row that does
-not change was copied, unless its column ``made`` gives another reason.
+If a page computes a number with the library, the number changes. If a person copied the number into the page, it stays.
+So the number of a row that does not change was copied, unless the column ``made`` of the row gives another reason.
 
 Notes
 -----
@@ -9,7 +9,7 @@ State: in every module of the package, wrappers replace the public functions, me
 the unchanged original. ``Shaker._inside`` is the number of active calls into the package.
 
 Invariant: a wrapper changes its result only if ``_inside`` is 0, that is, if it is the outermost call. All calls inside
-the outermost call are exact. So searches converge, and each number is changed only once.
+the outermost call are exact. So a search inside the library converges, and each number is changed only once.
 Constructors and operators are exact, and so is every call inside them.
 
 The relative change of a number x is ``SIZE * (4 + 2 sin(phase + log|x|))``, with a phase for each function. The
@@ -17,9 +17,9 @@ change is deterministic. It varies with x, so that the quotient of two results c
 infinities do not change.
 
 Printed numbers, which a page reads from its ledger, are changed in the same way but a thousand times less. So a number
-computed from printed numbers changes much less than a number computed with the library. A page with rows of the basis
-*computed* runs a second time, with an exact library and changed printed numbers. In this run the values of these rows
-must stay the same.
+computed from printed numbers changes much less than a number computed with the library. A page that computes numbers of
+the basis *computed* also runs with an exact library and changed printed numbers. In this run these numbers must not
+change.
 """
 
 import os
@@ -48,15 +48,15 @@ from paperledger.verdicts import DIGITS, Evidence, LedgerError, Relation, expone
 
 SIZE = 1e-5  # the relative change of a number is two to six times this
 PRINTS = 1e-3  # change of a printed number, divided by the change of a result of the library
-# A row with a smaller relative change was copied. Such a change is only rounding of the stored number.
+# A number with a smaller relative change was copied. A change below this limit is only rounding of the stored number.
 COPIED = 1e-9
-# A row with a smaller relative change was computed from printed numbers. Printed numbers change rows by 4e-8 or a
-# few times as much, and the library changes rows by at least 2e-6.
+# A number with a smaller relative change was computed from printed numbers. If only printed numbers change, a row
+# changes by 4e-8 or a few times as much. If the library changes, a row changes by at least 2e-6.
 PRINTED = 1e-6
 WORKERS = 2
 Off = Callable[[Any, str], Any]
 Runs = Mapping[str, "Run"]  # the keys are paths of pages
-Handed = dict[str, tuple[Row, int]]  # the keys are ids; the values are rows and the numbers of their cells
+Handed = dict[str, tuple[Row, int]]  # for each id, a row and the number of the cell that passed it
 
 
 @dataclass
@@ -73,11 +73,12 @@ class Shaker:
     fields : frozenset of str, optional
         Names of fields that do not change when their object is changed, such as times.
     whole : dict of str to function, optional
-        The keys are names of classes. The function changes an object of the class as a whole. It is called with the
-        object and a function ``off(number, name)``, which returns the changed number. By default each field of an
+        For the name of a class, a function that changes an object of this class as a whole. The function is called with
+        the object and a function ``off(number, name)``, which returns a changed number. By default each field of an
         object is changed separately.
     only_prints : bool, optional
-        True to change only the printed numbers that pages read, and to keep the library exact.
+        True for a run in which the library is exact and only the printed numbers change. `judge` then expects that
+        numbers of the basis *computed* do not change.
 
     Examples
     --------
@@ -177,7 +178,7 @@ class Shaker:
         return result
 
     def _part(self, key: str, place: Any) -> Any:
-        """Return the relative change of numbers x, from the name of a function and log|x|."""
+        """Return the relative change of a number x. `key` is the name of a function, and `place` is log|x|."""
         phase = crc32(key.encode()) % 6283 / 1000
         return SIZE * (4 + 2 * (np.sin if isinstance(place, np.ndarray) else sin)(phase + place))
 
@@ -186,7 +187,7 @@ class Shaker:
     def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Wrap a function so that the result of an outermost call is changed. If given, `call` runs in its place."""
+        """Wrap a function so that the result of an outermost call is changed. `call`, if given, runs instead of it."""
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
         exact = self.kept_exact(work)
 
@@ -357,7 +358,7 @@ def _rounded(old: Row, new: Row) -> bool:
 
 
 def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
-    """Return True if the computed value of a row is its printed number with the small change of this run."""
+    """Return True if the computed number of a row is only its printed number, with the small change of this run."""
     if row.is_statement:
         return False
     number, read = read_number(new.computed), float(_shaken_print(row, shaker))
@@ -366,7 +367,7 @@ def _own_print(row: Row, new: Row, shaker: Shaker) -> bool:
 
 
 def _starts_clean(row: Row) -> bool:
-    """Return True if printed numbers must not affect a row. A statement may depend on them."""
+    """Return True if printed numbers must not affect a row. A statement may depend on printed numbers."""
     return row.basis == "computed" and not row.is_statement
 
 
@@ -405,10 +406,10 @@ def judge(row: Row, new: Row, shaker: Shaker) -> str:
         return f"moves by {far:.1e} when only printed numbers change: the basis must be from-print or fitted"
     if _own_print(row, new, shaker):
         return "is its own printed number"
-    # Changes of several printed numbers may nearly cancel, so a row computed from them has a smaller limit.
+    # The changes of several printed numbers may nearly cancel, so the limit is smaller for the basis from-print.
     if far < (COPIED if row.basis != "from-print" else 1e-12):
         return "" if stays else f"stays at {value}"
-    if stays == "count" and _rounded(row, new):  # the count moved to the next point of a grid
+    if stays == "count" and _rounded(row, new):  # the value moved to the next point of a grid
         return ""
     if stays:
         return f"moves by {far:.1e}, so remove {stays!r} from 'made'"
@@ -497,7 +498,7 @@ def run_all(paths: Sequence[Path], book: Path, shaker: Shaker) -> dict[str, Run]
 def shake(
     shaker: Shaker, folder: Path | str | None, keys: Sequence[str], prepare: Callable[[], None] | None = None
 ) -> int:
-    """Run all pages of some papers with a changed library, and print which rows change.
+    """Run all pages of some papers with a changed library. Print how many rows change, and which rows are refused.
 
     Parameters
     ----------
