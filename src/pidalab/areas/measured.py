@@ -140,8 +140,8 @@ def from_record(
     squared deviations from the mean, with 5 in place of 2.5 standard deviations.
 
     Noise hides the end of the transient, and without this end all areas would be too small. Therefore the time from the
-    first move of the input to the steady state is made a tenth longer. The integrals end where
-    the steady state begins. The final levels are means of the steady state.
+    first move of the input to the steady state is made a tenth longer. The integrals end where the
+    steady state begins. The final levels are means of the steady state.
 
     The uncertainty covers noise during the change, noise in the final level (with the weight :math:`\tau_1^k/k!` in
     :math:`A_k`), quantisation, and a slow tail hidden in the steady state. The steady state is divided into quarters.

@@ -58,7 +58,7 @@ class ThreePointModel:
         Times at which the record reaches 5 %, 35.3 % and 85.3 % of the change.
     excess_gain : float
         Largest value of (gain of the record) / (gain of the model) - 1 at frequencies up to 1/(αL). The rules place the
-        crossover near this frequency. The value is nan if it was not computed.
+        crossover near 1/(αL). The value is nan if it was not computed.
     """
 
     gain: float

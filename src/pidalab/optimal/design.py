@@ -388,8 +388,9 @@ def descend_over_filter_times(search: Search, starts: list[Array], bar: Any) -> 
     The search finds different local optima (see `pidalab.optimal`) in four stages:
 
     1. The filter time is fixed at each value of a grid in turn. At each value, `Search.near` chooses the start from the
-       first of `starts` and from changes of the last optimum `x`. The search passes through the grid downwards, then
-       upwards, and once more downwards without the highest derivative. `on_grid` collects all optima.
+       first of `starts` and from changes of the last optimum `x`. The search passes through the grid downwards (from
+       long to short filter times), then upwards, and once more downwards without the highest derivative. `on_grid`
+       collects all optima.
     2. Descents with a free filter time (`free`) begin at the optima of the grid and at the other starts.
     3. The best results are refined (`finished`).
     4. Descents from random starts around the best result (`shaken`) check that it is a local optimum. A better

@@ -161,8 +161,8 @@ class Problem:
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
-                # The gradient is the integral of weight * (derivatives of y) over time. By Parseval's theorem, it is
-                # also an integral over frequency. So only the weight has to be transformed.
+                # The response contributes the integral of weight * (derivatives of y) over time to the gradient. By
+                # Parseval's theorem, this is also an integral over frequency. So only the weight has to be transformed.
                 weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)
@@ -315,10 +315,10 @@ class SampledNoise:
 
     Notes
     -----
-    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered terms of the
-    controller and their derivatives with respect to the filter time are sums of the lags :math:`1/(1 + T_F s)^i`. Let h
-    be the sample time, :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`. The transfer functions :math:`X_i` of these lags
-    after a hold satisfy the recursion
+    The controller is discretised for held inputs, as in `pidalab.noise_gain`. The filtered terms of the controller and
+    their derivatives with respect to the filter time are sums of the lags :math:`1/(1 + T_F s)^i`. Let h be the sample
+    time, :math:`\rho = h/T_F` and :math:`a = e^{-\rho}`. The transfer functions :math:`X_i` of these lags after a hold
+    satisfy the recursion
 
     .. math:: (z - a)\, X_i = P(i, \rho) + a \sum_{j<i} \frac{\rho^{i-j}}{(i-j)!} X_j,
 

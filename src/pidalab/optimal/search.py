@@ -43,7 +43,7 @@ VIOLATION_PRICE = 30.0  # penalty of a violation when starts are compared
 SPARE = 2e-5
 # Frequencies around a peak, divided by the frequency of the peak.
 AROUND = np.array([0.94, 0.98, 1.0, 1.02, 1.06])
-# With `nearly`, `look_at` ignores a peak if a frequency of the grid differs from it by at most this fraction.
+# With `nearly`, `look_at` ignores a peak if a frequency of the grid differs from the peak by at most this fraction.
 BETWEEN = 0.01
 NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # (iterations, tolerance) of intermediate and final descents
