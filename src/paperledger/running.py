@@ -209,5 +209,5 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Convert a text to lower-case letters without other characters, since files write capitals, dashes and indices differently."""
+    """Return only the letters of a text, in lower case. Files differ in capitals, dashes and indices of a title."""
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

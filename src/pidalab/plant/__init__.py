@@ -5,7 +5,7 @@ The steps are::
     Record -> fit -> tune -> discretise -> code
 
 `report` compares PI, PID and PIDA, and `check` judges the gains of a running controller. The library imports this
-package only when one of its names is used.
+package only when a program uses one of its names.
 """
 
 from lazy_loader import attach_stub

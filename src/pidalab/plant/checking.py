@@ -27,15 +27,15 @@ from pidalab.relative_noise import sampled_noise
 from pidalab.rules import Design
 from pidalab.simulation.exact import simulate
 
-# For each suggested set of gains: largest Ms, and (noise gain) / (present noise gain).
+# For each suggested set of gains: limit of Ms, and limit of the noise gain divided by the present noise gain.
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
-PLANTS_JUDGED = 60  # with fewer plants, the largest of their Ms is too often below the true Ms
-CLEARER = 0.8  # a fitted load is used only if (residuals with load) / (residuals without load) is below this
+PLANTS_JUDGED = 60  # number of plants; with fewer, their largest Ms is too often below the true Ms
+CLEARER = 0.8  # a fit with a load is used only if it reduces the deviation of the residuals to less than this share
 CLEAR_MOVE = 20.0  # the output must move by this number of standard deviations of the noise
 COLOURED = 3.0  # if `samples_per_error` is at least this, the residuals are not white noise
 EXPLAINED = 0.8  # a doubt is given if the share from `explained_by` is below this
 MOST_STEPPED = 5000  # the controller is run for at most this number of samples
-FED_BACK = 0.05  # a doubt is given if slow disturbances cause at least this share of the variance of u
+FED_BACK = 0.05  # a doubt is given if slow disturbances cause this share of the variance of u, or more
 CHECK_COLUMNS = {
     "IAE load": "iae_load",
     "Ms": "ms_sampled",
@@ -55,11 +55,12 @@ class Check:
     design : Design
         The running gains, with their filter.
     sample_time : float
-        Sample time of the controllers.
+        Sample time of the running controller and of the suggested controllers, in the log's unit of time.
     ms : float
-        Maximum sensitivity of the sampled loop with the model; infinite if unstable.
+        Maximum sensitivity Ms of the running gains in a sampled loop with the model. It is infinite if this loop is
+        unstable.
     interval : tuple of float
-        Smallest and largest Ms with the model and `plants`.
+        Smallest and largest Ms of the running gains with the model and with `plants`.
     plants : tuple of Process
         Plants that the log does not rule out.
     ms_worst : float
@@ -79,7 +80,7 @@ class Check:
 
     @cached_property
     def rows(self) -> tuple[DesignRow, ...]:
-        """The running gains; the best gains of the same kind, Ms and noise gain; and three suggested sets."""
+        """Rows for the running gains, the best gains of equal kind, Ms and noise gain, and three suggested sets."""
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
@@ -103,10 +104,10 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess in % of the IAE of a load step over the IAE that the best gains of equal kind, Ms and noise gain have.
+        """Excess of the IAE of a load step over the IAE of the best gains of equal kind, Ms and noise gain, in %.
 
-        The loss is negative if the running gains are better than all gains that the search found. (The search uses no
-        filter faster than the sample time.) If the search found no gains, the loss is nan.
+        The loss is negative if the running gains are better than all gains that the search found. This is possible,
+        since the search uses no filter faster than the sample time. If the search found no gains, the loss is nan.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)
@@ -122,7 +123,7 @@ class Check:
         return with_doubts("\n".join(lines), self.doubts)
 
     def _gains(self, row: DesignRow) -> str:
-        """Return the gains to enter, and their IAE as a multiple of the present IAE."""
+        """Return suggested gains as text, after their IAE divided by the IAE of the running gains."""
         k = None if row.design is None else row.design.controller
         if row.design is self.design or not isinstance(k, HighOrderPID):
             return ""
@@ -158,7 +159,7 @@ def check(
     sample_time : float, optional
         Sample time of the controller, above 0. By default the sample time of the log.
     ms_worst : float, optional
-        Limit of Ms for the suggested sets. It holds for every plant that the log does not rule out.
+        Limit of Ms for the suggested sets. Each set must keep it with every plant that the log does not rule out.
     model : str, optional
         Model to fit, as for `pidalab.identification.fit`.
 
@@ -233,15 +234,16 @@ def check(
 def explained_by(controller: Controller, output_filter: Any, log: Record) -> tuple[float, float]:
     """Return the share of the sample-to-sample changes of u that a controller explains, and the best gain.
 
-    The share is nan if u is constant in most samples, as in open loop. The best gain is the proportional gain
-    of a least-squares fit from the changes of y to those of u.
+    The best gain is the proportional gain of a least-squares fit from the changes of y to the changes of u. Both
+    results are nan if u is constant in most samples, as in open loop, or if the sample time of the log is too long for
+    the controller.
 
     Notes
     -----
     The controller is run with the logged output and without the set point, which is unknown. A constant set point
     would add a constant to the change of the computed signal in each sample. Subtracting the running median removes
-    this constant. Samples at the largest or smallest u may be clipped, and are left out. A log may store the u of the
-    previous sample, so both alignments are tried.
+    this constant. Samples at the largest or smallest u are left out, since u may have been limited there. A log may
+    store u one sample late, so the comparison is repeated with u shifted by one sample, and the better result counts.
     """
     u, y = log.u[:MOST_STEPPED], log.y[:MOST_STEPPED]
     free = (u > log.u.min()) & (u < log.u.max())

@@ -1,7 +1,7 @@
-"""Run the Temperature Control Lab, a board with two heaters, on the real board or in simulation.
+"""Run experiments with the Temperature Control Lab, a board with two heaters, real or simulated.
 
-The package ``tclab`` (``pip install tclab``) provides both. The control signal is the power of heater 1 in per cent,
-and the output is the temperature of thermistor 1 in degrees Celsius. Heater 2 is the load.
+The package ``tclab`` (``pip install tclab``) drives the board and simulates it. The control signal is the power of
+heater 1 in per cent, and the output is the temperature of thermistor 1 in degrees Celsius. Heater 2 is the load.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Lab:
     Parameters
     ----------
     connected : bool, optional
-        Use the board at a serial port. By default a board is simulated, which starts at 21 degrees.
+        Use the board at a serial port. By default a board is simulated, with a temperature of 21 °C at the start.
     seed : int, optional
         Seed of the simulated noise.
 
@@ -83,9 +83,9 @@ class Lab:
         Parameters
         ----------
         power : float, optional
-            In per cent.
+            Power of heater 1, in per cent.
         duration : float, optional
-            Seconds.
+            Duration in seconds.
 
         Raises
         ------
@@ -118,7 +118,8 @@ class Lab:
         duration : float, optional
             Seconds after the step.
         before : float, optional
-            Power before the step, in per cent. If it is above 0, let the board settle first or use a long `rest`.
+            Power before the step, in per cent. If it is above 0, let the board settle at this power first, or use a
+            long `rest`.
         rest : float, optional
             Seconds recorded before the step.
         sample_time : float, optional
@@ -157,13 +158,13 @@ class Lab:
         Parameters
         ----------
         controller : DigitalController
-            Controller with signals in per cent and degrees. It is reset first.
+            Controller from a temperature in degrees Celsius to a power in per cent. It is reset before the run.
         setpoint : float or array_like, shape (n,)
-            Set point in degrees: one value, or a value for each sample.
+            Set point in degrees Celsius: one value, or a value for each sample.
         duration : float, optional
-            Seconds.
+            Duration in seconds.
         load : float or array_like, shape (n,), optional
-            Power of heater 2 for each sample, in per cent.
+            Power of heater 2 in per cent: one value, or a value for each sample.
 
         Returns
         -------
@@ -195,13 +196,16 @@ class Lab:
         return Response(t=t, r=r, d=d, n=np.zeros(t.size), y=y, u=u)
 
     def _run(self, t: Array, heater: Callable[[int, float], float], load: Array) -> tuple[Array, Array]:
-        """Read the temperature and set both heaters at each time. `heater` computes the power of heater 1."""
+        """Read the temperature and set both heaters at each time.
+
+        `heater` computes the power of heater 1 from the index of the sample and the temperature.
+        """
         u, y = np.empty(t.size), np.empty(t.size)
         start = self._labtime.time() if self.connected else self._now
         for k, moment in enumerate(t):
             self._wait_until(start + moment)
             y[k] = self._temperature()
-            # Q1 clips the power to 0 to 100 and returns it.
+            # Q1 clips the power to the range from 0 to 100 %, and returns the clipped power.
             u[k] = self._device.Q1(heater(k, float(y[k])))
             self._device.Q2(float(load[k]))
         # Let the last control signal act for one sample.
@@ -216,7 +220,7 @@ class Lab:
             self._now = moment
 
     def _temperature(self) -> float:
-        """Read thermistor 1. In simulation, add noise from the seed of this lab."""
+        """Read thermistor 1. In simulation, the noise comes from the random generator of this lab."""
         others = random.getstate()
         random.setstate(self._random)
         try:

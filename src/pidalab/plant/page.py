@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
     Candidates = Sequence[tuple[DesignRow, Design]]
 
-NEGLIGIBLE_ERROR = 0.005  # a response is drawn until the error stays below this share of its largest value
+NEGLIGIBLE_ERROR = 0.005  # a response is drawn until the error stays below this share of the largest error
 PLANTS_SHOWN = 8  # largest number of plants, besides the model, in the figure
-CURVE = 500  # points of a curve
+CURVE = 500  # number of points of a curve
 CAPTION = (
     "Unit steps of the load (left) and of the set point (right): output above, control signal below. Last row: gain "
     "from measurement noise to the control signal, and Nyquist curves with the circle of the requested Ms. Faint "
@@ -41,7 +41,7 @@ def page(
     sections: Sequence[tuple[str, str]],
     folded: Sequence[tuple[str, str]],
 ) -> str:
-    """Return an HTML page. The sections in `folded` come last, and a click opens them."""
+    """Return an HTML page. Each section has a heading and a text. A click opens the sections in `folded` at the end."""
     loader = jinja2.PackageLoader("pidalab.plant.code")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template("report.j2")
     figure, table = Markup(svg(drawn)), Markup(table)
@@ -80,7 +80,7 @@ def figure(process: Process, ms: float, rows: Sequence[DesignRow], plants: Seque
 
 
 def _lasting(response: Response) -> float:
-    """Return the time after which the error stays below `NEGLIGIBLE_ERROR` of its largest value."""
+    """Return the time after which the error stays below `NEGLIGIBLE_ERROR` times the largest error."""
     large = np.flatnonzero(np.abs(response.e) > NEGLIGIBLE_ERROR * np.max(np.abs(response.e)))
     return float(response.t[large[-1]]) or float(response.t[-1])
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 SAFE = 2.001  # a design is called safe if its largest Ms with any plant is at most this
 # Simulations have this length, in time scales of the process, or more if the loop settles later.
 REPORT_HORIZON = 20.0
-MEASURES = {  # for each attribute of a row, its name and meaning
+MEASURES = {  # for each measure of a row, its name in tables and its meaning
     "ms": ("Ms", "maximum sensitivity: by how much the loop amplifies disturbances at worst"),
     "ms_sampled": ("Ms sampled", "the same for the loop with the digital controller"),
     "ms_worst": ("worst Ms", "the largest Ms with any plant that the model allows"),
@@ -50,7 +50,7 @@ TUNED = ("iae_worst", "price", "ms_worst", "ms_sampled")  # `tune` provides thes
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """Candidates for one plant, tuned with the same limits.
+    """Candidate controllers for one plant, tuned with the same limits.
 
     Attributes
     ----------
@@ -302,7 +302,7 @@ def report(
 
 
 def tuned_row(name: str, kind: str, plant: Process | Fit, model: Process | Fit, **options: Any) -> DesignRow:
-    """Tune a controller for `plant`, and measure it with `model`. The row contains a ValueError of `tune` as text."""
+    """Tune a controller for `plant`, and measure it with `model`. If `tune` fails, the row has the error message."""
     try:
         design = tune(plant, kind, **options)
     except ValueError as refusal:

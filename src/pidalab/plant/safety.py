@@ -1,6 +1,6 @@
-"""Make designs that are safe in the real loop, with the model and with other plants that it allows.
+"""Make designs that are safe in the real loop, with the model and with other plants that the model allows.
 
-The real loop contains the sample time and the output filter with which the controller will run.
+The *real loop* is the loop with the sample time and the output filter with which the controller will run.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ STILL_KEPT = 1e-6  # a limit is kept if result <= limit * (1 + STILL_KEPT)
 MOST_CORRECTIONS = 20  # largest number of corrections of the requested Ms
 LEAST_FACTOR, LARGEST_FACTOR = 0.5, 2.0  # least and largest factor of (requested Ms - 1) in one correction
 
-# Function of the requirements and of a start of the search. It returns a design that keeps the requirements, and the
-# names of the active limits.
+# A designer is called with requirements, and with a design from which to start the search, or None. It returns a design
+# that keeps the requirements, and the names of the active limits.
 Designer = Callable[[Requirements, Design | None], tuple[Design, Sequence[str]]]
 
 
 class LoopMs(NamedTuple):
     """Maximum sensitivity Ms of a loop, which is infinite if the loop is unstable.
 
-    If the sampled loop has no Ms, `ms` belongs to the continuous loop, and `reason` says why.
+    If Ms of a sampled loop cannot be computed, `ms` is the Ms of the continuous loop, and `reason` says why.
     """
 
     ms: float
@@ -47,7 +47,7 @@ class LoopEvaluator:
     Parameters
     ----------
     sample_time : float or None
-        Sample time of the controller, which is discretised by backward differences. None if it is continuous.
+        Sample time of the controller, which is discretised by backward differences. None for a continuous controller.
     output_filter : control.TransferFunction or None
         Filter in series with the controller.
     """
@@ -57,7 +57,7 @@ class LoopEvaluator:
         self.ms = cache(self._ms)
 
     def loop(self, design: Design, plant: Process) -> Loop:
-        """Close the continuous loop."""
+        """Return the continuous loop of a design and a plant."""
         filters = in_series(design.output_filter, self.output_filter)
         return Loop(plant, design.controller, filters, design.prefilter)
 
@@ -72,8 +72,8 @@ class LoopEvaluator:
         return LoopMs(ms_or_infinite(loop), reason)
 
     def worst(self, design: Design, plants: Sequence[Process]) -> LoopMs:
-        """Return the largest Ms with any of the plants (0 without plants)."""
-        # Of several reasons, keep the first in the alphabet.
+        """Return the largest Ms with any of the plants, or 0 if there are no plants."""
+        # Of several reasons, keep the first in alphabetical order.
         loops = [self.ms(design, plant) for plant in plants]
         reasons = sorted({loop.reason for loop in loops if loop.reason})
         return LoopMs(max((loop.ms for loop in loops), default=0.0), reasons[0] if reasons else "")
@@ -100,7 +100,7 @@ def correct_request(
     Parameters
     ----------
     make : callable
-        Function that makes a design for some requirements.
+        Function that makes a design for given requirements (see `Designer`).
     sizes : callable
         Function that returns two numbers for a design: Ms with the model, and the largest Ms with the other plants.
     limits : Requirements
@@ -111,7 +111,8 @@ def correct_request(
     Returns
     -------
     Design
-        A design that meets the active limits. If none is found, the last design that keeps all limits.
+        A design that keeps all limits and meets the active limits. If no such design is found, the last design that
+        keeps all limits.
 
     Raises
     ------
@@ -143,7 +144,7 @@ def correct_request(
 
 
 def _next(request: float, result: float, limit: float, active: bool) -> float:
-    """Return the next requested Ms, as the Notes of `correct_request` say."""
+    """Return the next requested Ms, as described in the Notes of `correct_request`."""
     if result <= limit * (1 + STILL_KEPT) and not (active and result < limit * (1 - MET)):
         return request
     factor = (limit * (1 - 0.5 * MET) - 1) / (result - 1)
@@ -164,8 +165,8 @@ def make_safe(
 ) -> tuple[Design, float]:
     """Return a design that is safe with all plants of `limits.family`, and its price.
 
-    The price is the IAE of the safe design, divided by the IAE of the design for the process alone. An error with the
-    remedy is raised if there is no safe design, or if the price is above 3.
+    The price is the IAE of the safe design, divided by the IAE of the design for the process alone. If there is no safe
+    design, or if the price is above 3, an error is raised that suggests the remedy.
     """
 
     def sizes(design: Design) -> tuple[float, float]:

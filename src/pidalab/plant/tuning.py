@@ -29,12 +29,12 @@ from pidalab.simulation.exact import load_iae
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`
-DEFAULT_NOISE_SHARE = 0.01  # default standard deviation of noise in u, as a share of a record's input step
+DEFAULT_NOISE_SHARE = 0.01  # default limit of (standard deviation of u from noise) / (input step in the record)
 MOST_MS = 5.0
 PHASE_UNKNOWN = 1e-3  # a phase shift below this, in rad, is negligible, since no model is so accurate
 SPREAD = 20  # number of plants drawn from the uncertainty of a fit
 PRICE_WARNING = 1.5  # a doubt is given if the price of robustness is above this
-REMEDIES = (  # if a process (first) or a fit (second) is too uncertain
+REMEDIES = (  # advice if the model is too uncertain: the first for a Process, the second for a Fit
     "a smaller spread would help",
     "a longer record, a larger step or several of them, or less noise would help",
 )
@@ -57,7 +57,7 @@ def require_sampling(process: Process, sample_time: float) -> None:
 
 
 def corner_frequencies(process: Process) -> Array:
-    """Return the corner frequencies of poles and zeros, and the reciprocal of the dead time."""
+    """Return the corner frequencies of poles and zeros and the reciprocal of the dead time, in rad per time unit."""
     speeds = np.abs(np.concatenate([roots(process.den), roots(process.num)]))
     return np.append(speeds[speeds > 0], [1 / process.delay] if process.delay else [])
 
@@ -83,26 +83,29 @@ def tune(
     kind : {"PIDA", "PID", "PI"}, optional
         Kind of controller.
     ms : float, optional
-        Largest maximum sensitivity, above 1. 1.4 is cautious, 2 is fast. With a sample time, the limit applies to the
-        sampled loop. Rules other than "optimal" and "haalman" ignore it, and the result contains the Ms reached.
+        Limit of the maximum sensitivity, which must be above 1. A limit of 1.4 is cautious, and 2 is fast. With a
+        sample time, the limit applies to the sampled loop. Rules other than "optimal" and "haalman" ignore the limit.
+        The result contains the Ms reached.
     noise_gain : float, optional
-        Largest (standard deviation of u) / (standard deviation of the measurement noise). The noise is white:
-        each sample has a new value. By default the noise of a Fit may move u by 1 % of the input step in the record.
-        For a Process, or a Fit without noise or steps, the gain from noise to u at any frequency is limited instead, to
-        10/\|P(0)\|. (For an integrator, P(0) is replaced by P at the frequency where its phase has fallen by 45°.)
+        Limit of (standard deviation of u) / (standard deviation of the measurement noise). The noise is white: each
+        sample has a new value. By default the noise of a Fit may give u a standard deviation of 1 % of the input step
+        in the record. For a Process, or a Fit without noise or steps, the gain from noise to u is limited instead: at
+        any frequency it is at most 10/\|P(0)\|. (For an integrator, P(0) is replaced by P at the frequency where the
+        phase of P has fallen by 45°.)
     sample_time : float, optional
-        Sample time of the digital controller (backward differences), above 0. Half of it is added to the dead time, to
-        account for the hold. The design is corrected until the sampled loop has the requested Ms, to 0.1 %.
+        Sample time of the digital controller (backward differences), above 0. Half a sample time is added to the dead
+        time, to account for the hold. The design is corrected until the sampled loop has the requested Ms, to 0.1 %.
     rule : str, optional
         "optimal" (the least IAE after a load step), or a name of `pidalab.rules.registry`, such as "haalman" or "simc".
     spread : float, optional
         Relative error by which gain, time scale and dead time are raised and lowered. By default a Process is not
         varied. The parameters of a Fit are varied by their uncertainty, and the gain also by 15 %, up or down
-        (`Fit.plants`). The worst of twenty such random plants is not a bound: a few in a hundred plants are worse.
+        (`Fit.plants`). Twenty such plants are drawn at random. The worst of them is not a bound: a few in a hundred
+        plants are worse.
     output_filter : control.TransferFunction, optional
         A filter in series with the controller, such as the lag of a sensor. The design takes it into account.
     ms_worst : float, optional
-        Largest maximum sensitivity with any plant within the spread, above 1.
+        Limit of the maximum sensitivity with any plant within the spread, above 1.
 
     Returns
     -------
@@ -282,7 +285,10 @@ def _without_short_delay(process: Process, fastest: float, doubts: list[str]) ->
 
 
 def _fastest(process: Process, rule: str, noise_gain: float | None, sample_time: float | None) -> float:
-    """Return the highest frequency at which a loop can act, given its sample time or the default limit of noise."""
+    """Return the highest frequency at which a loop can act, given its sample time or the default limit of noise.
+
+    The frequency is in rad per time unit. It is infinite if neither the sample time nor the default limit applies.
+    """
     if sample_time is not None:
         return 1 / sample_time
     plain = Process(process.num, process.den)
@@ -316,7 +322,10 @@ def _grid(corners: Array) -> Array:
 
 
 def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: list[str]) -> None:
-    """Add a doubt if `kind` has more derivatives than the model has poles. Raise if the record shows further poles."""
+    """Add a doubt if `kind` has more derivatives than the model has poles.
+
+    If the record shows that the plant has further dynamics, raise an error instead.
+    """
     known = len(process.den) - 1
     if known >= ORDER[kind]:
         return
@@ -330,7 +339,7 @@ def _known_dynamics(model: Process | Fit, process: Process, kind: str, doubts: l
 
 
 def _iae_ms_mks(loop: Loop) -> dict[str, float]:
-    """Return Ms, mks and the IAE of a load step. All are infinite for an unstable loop."""
+    """Return Ms, mks and the IAE of a load step. All three are infinite for an unstable loop."""
     if not is_stable(loop):
         return dict.fromkeys(("iae", "ms", "mks"), math.inf)
     return {"iae": load_iae(loop), "ms": max_sensitivity(loop)[0], "mks": max_control_sensitivity(loop)[0]}

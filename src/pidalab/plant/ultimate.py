@@ -1,4 +1,4 @@
-"""Gains from the ultimate gain and period, which a relay experiment can measure."""
+"""Compute gains from the ultimate gain and period of a plant, which a relay experiment can measure."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ RULES = {
     ("little overshoot", "PID"): (1 / 3, 0.5, 1 / 3),
     ("no overshoot", "PID"): (0.2, 0.5, 1 / 3),
 }
-SHARES = (0.2, 1.0)  # ratios of dead time to lag of the first-order models
+SHARES = (0.2, 1.0)  # (dead time) / lag of the first-order models in `models_of`
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
 # Largest relative deviation of a period. Also the largest share of samples in which u is between its two levels.
 SETTLED = 0.05
-OFF_PHASE = 10.0  # in degrees; a doubt is given if the phase is farther from -180 than this
+OFF_PHASE = 10.0  # a doubt is given if the phase differs from -180 degrees by more than this, in degrees
 
 
 class Oscillation(NamedTuple):
@@ -39,9 +39,9 @@ class Oscillation(NamedTuple):
     Attributes
     ----------
     ku, tu : float
-        Ultimate gain and period.
+        Ultimate gain, in units of u per unit of y, and ultimate period, in the unit of the times.
     amplitude : float
-        Amplitude of the fundamental of the output.
+        Amplitude of the output's component at the period `tu`.
     phase : float
         Phase of the plant at this period, in degrees. It is -180 for a relay without hysteresis.
     bias : float
@@ -85,9 +85,9 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
 
     Notes
     -----
-    Let :math:`U_1` and :math:`Y_1` be the first Fourier coefficients of whole periods of a steady oscillation. For any
-    form and bias of u, :math:`P(j\omega) = Y_1/U_1` and :math:`K_u = |U_1/Y_1|`. The usual formula
-    :math:`4 d/(\pi a)` assumes that u is a square wave and y a sine.
+    Let :math:`U_1` and :math:`Y_1` be the first Fourier coefficients of u and y over whole periods of a steady
+    oscillation. For any waveform and bias of u, :math:`P(j\omega) = Y_1/U_1` and :math:`K_u = |U_1/Y_1|`. The usual
+    formula :math:`4 d/(\pi a)` assumes that u is a square wave of amplitude d, and that y is a sine of amplitude a.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     if now.size < FEWEST_IN_CYCLE * cycles:
         raise ValueError(f"sample {FEWEST_IN_CYCLE} times or more in a period, found {now.size / cycles:.1f}")
     held = np.diff(t[rises[0] : rises[-1] + 1])
-    # The coefficient of the held u is exact. Each sample of y represents half of each neighbouring interval.
+    # The coefficient of u is exact, since u is held. Each sample of y is weighted with half of both adjacent intervals.
     w = 2j * np.pi / tu
     edges = np.exp(-w * t[rises[0] : rises[-1] + 1])
     first_u = np.sum(u[part] * np.diff(edges)) / (-w * np.sum(held))

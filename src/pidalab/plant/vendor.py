@@ -47,7 +47,7 @@ class VendorForms(NamedTuple):
 
 
 def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit: str) -> VendorForms:
-    """Return gains as parameters of vendor blocks, and the filters. `time_unit` is the unit of the given times."""
+    """Return gains as parameters of vendor blocks, with their filters. All given times are in units of `time_unit`."""
     _check.choice("time_unit", time_unit, SECONDS)
     unit = SECONDS[time_unit]
     filters = ", ".join(_filter(part, unit) for part in parts if part.filter_order) or "none"

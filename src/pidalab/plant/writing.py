@@ -73,7 +73,7 @@ def write_files(folder: str | Path, texts: Mapping[str, str], *, replace: bool =
 
 
 def _rename(hidden: Path, paths: Sequence[Path]) -> None:
-    """Rename files to their final places, or restore the earlier files."""
+    """Move the hidden files to their final paths. If this fails, restore the earlier files."""
     earlier = hidden / ".earlier"
     earlier.mkdir()
     for path in paths:

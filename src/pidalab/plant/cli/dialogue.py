@@ -1,4 +1,4 @@
-"""Common parts of the commands: error messages, options and output."""
+"""Define what several commands share: error messages, options and output."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def add_options(*options: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def numbers(ctx: click.Context, param: click.Parameter, value: str) -> list[float]:
-    """Read numbers that are separated by commas."""
+    """Read numbers that are separated by commas or spaces."""
     try:
         return [float(part) for part in value.replace(",", " ").split()]
     except ValueError:

@@ -98,8 +98,8 @@ def simulate_command(
 ) -> None:
     """Simulate a loop from rest, with its exact dead time, and print margins and measures.
 
-    Signals and limits are relative to the state of rest. If you give a controller.json, this is the working point
-    in the file.
+    Signals and limits are relative to the state of rest. If you give a controller.json, the state of rest is the
+    working point in the file.
 
     \b
     Examples:
@@ -214,7 +214,7 @@ def benchmark_command(rule: str, out: Path | None, force: bool, **options: Any) 
     path = Path(file)
     if not function.isidentifier() or not path.is_file():
         raise ValueError(f"rule must be a file and its function, FILE.py:FUNCTION, found {rule!r}")
-    if out is not None and not force:  # refuse before a minute of work
+    if out is not None and not force:  # raise the error before the benchmark, which takes a minute
         refuse_others({out / file: None for file in FILES})
     apply = functools.partial(_apply, path.resolve(), function)
     name, plants = options["name"] or function, options["plants"] or None

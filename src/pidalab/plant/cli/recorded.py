@@ -159,7 +159,7 @@ def check_command(lag: float, **options: Any) -> None:
     """Judge the gains of a running loop by its log, the RECORD.
 
     The log must contain changes of the set point, a step of the load or a bump of u. Print the Ms of the loop with an
-    uncertainty interval, how far the gains are from the best, and three sets of gains to try.
+    uncertainty interval, how much larger the IAE is than with the best gains, and three sets of gains to try.
 
     \b
     Example:
@@ -222,7 +222,7 @@ def missing_limits(low: float, high: float) -> list[str]:
 
 
 def _vendors(design: pidalab.Design, time_unit: str) -> str:
-    """Return the parameters of vendor blocks, or a reason why there are none."""
+    """Return the parameters of vendor blocks as text, or the reason why no vendor block fits."""
     try:
         forms = design.vendor_forms(time_unit or "s")
     except ValueError as refusal:
