@@ -85,7 +85,7 @@ def unit(number: Decimal) -> Decimal:
 
 
 def agrees(fresh: str, stored: str) -> bool:
-    """Return True if a new number differs from a stored one by at most a unit of its last place, or a relative 1e-9.
+    """Return True if a new number is within a unit of the last place of a stored number, or within a relative 1e-9.
 
     A stored number with fewer decimals than the new number could hide a change, so they do not agree, with two
     exceptions. One decimal less is allowed, since 10.00000000 and 9.999999999 both have ten digits. Ten stored decimals
@@ -140,9 +140,9 @@ def same_text(old: str, new: str) -> bool:
 
 
 def show(printed: str, computed: str) -> str:
-    """Round a stored number for display, to two decimal places more than printed and at least three digits.
+    """Round a stored number for display, to two places more than the printed number and at least three digits.
 
-    Places that the stored number does not have are not added.
+    The result never has more places than the stored number.
 
     >>> show("1.31", "1.309812345"), show("1200", "0.001234567890"), show("0.382", "0.38")
     ('1.3098', '0.00123', '0.38')
@@ -155,7 +155,7 @@ def show(printed: str, computed: str) -> str:
 
 def _text(number: Decimal, place: int) -> str:
     rounded = number.quantize(Decimal(1).scaleb(place), context=_WIDE)
-    return str(rounded).lower() if rounded else f"{abs(rounded):f}"  # this never gives "-0" or "0e-12"
+    return str(rounded).lower() if rounded else f"{abs(rounded):f}"  # a zero is written without sign and exponent
 
 
 def tolerance(note: str, printed: Decimal) -> Decimal | None:
@@ -191,8 +191,8 @@ def difference(printed: str, computed: str) -> Decimal:
 def derive(printed: str, computed: str, note: str = "") -> str | None:
     """Return the verdict that follows from two numbers.
 
-    A tie counts as agreement, since a paper may round it either way. If a note sets a tolerance, a number within the
-    tolerance is ``approximate``, even if it rounds to the printed number.
+    A computed number halfway between two printed numbers agrees with both, since a paper may round it up or down. If a
+    note sets a tolerance, a number within the tolerance is ``approximate``, even if it rounds to the printed number.
 
     Parameters
     ----------

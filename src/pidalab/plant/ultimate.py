@@ -28,7 +28,7 @@ RULES = {
 }
 SHARES = (0.2, 1.0)  # (dead time) / lag of the first-order models in `models_of`
 FEWEST_CYCLES, FEWEST_IN_CYCLE = 3, 8
-# Largest relative deviation of a period. Also the largest share of samples in which u is between its two levels.
+# Largest relative deviation of a period, and also the largest share of samples in which u is between its two levels.
 SETTLED = 0.05
 OFF_PHASE = 10.0  # a doubt is given if the phase differs from -180 degrees by more than this, in degrees
 
