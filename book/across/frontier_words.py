@@ -48,7 +48,7 @@ def coverage() -> Markdown:
 
 
 def steps() -> pd.DataFrame:
-    """Return the saving by each kind at the largest noise limit, and the smallest limit at which it is a tenth."""
+    """Return per plant the saving by each kind at the largest noise limit, and the least limit where it is a tenth."""
     wide = by_order(curves())
     rows = {}
     for plant, table in wide.groupby(level="plant", sort=False):

@@ -63,7 +63,7 @@ def lab(plant: pd.Series, kind: str) -> str:
 
 
 def advice(rule: str | None, distance: float | None) -> str:
-    """Return advice: use the rule if the optimum saves less than a tenth of its IAE, otherwise use the optimum."""
+    """Return advice: use the rule if the optimum saves less than a tenth of the rule's IAE, else the optimum."""
     if rule is None:
         return "No rule works here. Use the optimum, from the lab or pidalab.tune."
     far = f"{rule} is the best rule. It has {distance:.2f} times the least IAE in the median"

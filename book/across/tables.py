@@ -68,7 +68,7 @@ def compared(terms: str) -> pd.DataFrame:
     return out.assign(of_kind=out["iae_load"] / out["least_of_kind"], of_best=out["iae_load"] / out["least"])
 
 
-SPELLED = {  # readable names of rules whose names in the library are abbreviations or contain a test
+SPELLED = {  # readable names of rules: the library's names are abbreviations, or end with load or setpoint
     "amigo": "AMIGO",
     "direct load": "direct search (load)",
     "direct setpoint": "direct search (set point)",
@@ -151,7 +151,7 @@ def own_settings() -> pd.DataFrame:
 
 
 def nearest(terms: str, among: list[str], distance: str) -> pd.DataFrame:
-    """Return for each group the rule with the smallest median of `distance` that works on enough plants of a class."""
+    """Return for each group by `among` the rule of smallest median `distance` that works on enough plants."""
     count = plants().groupby("class", observed=True).size()
     table = compared(terms).dropna(subset=[distance])
     groups = table.groupby(["class", "kind", "rule"], observed=True)[distance]

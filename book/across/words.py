@@ -10,7 +10,7 @@ from IPython.display import HTML, Markdown
 
 import tables
 
-ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # limits of the classes of roll-off (1 is that of one lag)
+ROLLOFF = (-np.inf, 1.0, 2.0, np.inf)  # limits of its classes: one lag has at most 1, two lags at most 2
 FEW = 20  # number of plants on which a rule must work to be drawn
 
 

@@ -42,7 +42,7 @@ def equal_load(m, ie):
 
 
 def noise_in_u(loop, samples=250):
-    """Return the standard deviation of u for white noise of unit deviation with `samples` values per dead time."""
+    """Return the standard deviation of u for white noise of standard deviation 1, `samples` values per dead time."""
     w = np.linspace(0.0, samples * np.pi, 10_001)[1:]
     return np.sqrt(np.mean(np.abs(loop.transfer("u", "n", 1j * w)) ** 2))
 
@@ -68,7 +68,7 @@ def thermal_plant(
 
     t = np.linspace(0.0, 15 * TANGENT["delay"], 6001)
 
-    # `tangent` has no dead time. The dead time of the plant is added to the delay of the tangent below.
+    # `tangent` leaves out the dead time of the plant, which is added to the delay of the tangent below.
     def tangent(lag):
         rising = plant(1.0, lag).rising
         undelayed = pidalab.Process(rising.num, rising.den)
@@ -81,7 +81,7 @@ def thermal_plant(
 def experiment(design, plant, anti_windup=None, hold=200.0):
     """Warm up to 10 K, step the set point to 15 K and back, each for `hold` s.
 
-    We assumed these temperatures above ambient.
+    The temperatures are above ambient. They are our assumption.
     """
     r = np.repeat([10.0, 15.0, 10.0], round(hold / SAMPLE))
     t = SAMPLE * np.arange(r.size)
@@ -126,8 +126,8 @@ def drawn(runs, size=(6.4, 3.2)):
 def ode45(design, setpoint=0.0, load=0.0, end=15.0, rtol=1e-3, atol=1e-6):
     """Return times and output of a loop on UNIT, simulated as by a solver with variable steps.
 
-    The solver is Dormand and Prince's pair with the usual tolerances. A step is at most a fiftieth of `end`. Between
-    the ends of past steps the delayed control signal is interpolated linearly.
+    The solver is Dormand and Prince's pair with the usual tolerances and the usual longest step, `end`/50.
+    Between the ends of past steps the delayed control signal is interpolated linearly.
     """
     blocks = design.loop().blocks
     parts = [ss(TransferFunction(*blocks[x])) for x in ("controller", "prefilter")]
