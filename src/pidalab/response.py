@@ -633,7 +633,10 @@ def _variation(path: Array) -> float:
 
 
 def _missed_top(size: Array, path: Array) -> float:
-    """Estimate by how much a signal exceeds its largest sample. `size` is the path of samples or its magnitude."""
+    """Estimate by how much a signal exceeds its largest sample. `path` holds the samples.
+
+    `size` is `path` or its modulus.
+    """
     return float(np.max(size + _missed(path)) - np.max(size))
 
 

@@ -331,8 +331,8 @@ class Signals:
         """Raise if a signal still grows at the end, since its measure would depend on the length of the record.
 
         The test begins at the first change of the signal or at the last change of set point or load, whichever is
-        later. Set point and load are ignored if they change at more than one sample in `FEWEST_JUDGED`. If fewer than
-        `FEWEST_JUDGED` samples remain, nothing is tested.
+        later. Set point and load are ignored if they change at more than a share 1/`FEWEST_JUDGED` of the samples. If
+        fewer than `FEWEST_JUDGED` samples remain, nothing is tested.
         """
         if not self._grows(signal, 0):
             return

@@ -107,7 +107,8 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
         top = v[-1]
         v = [low - c * top for low, c in zip([coefficient, *v[:-1]], q, strict=True)]
     for p in poles:
-        # Solve (x - p) w = v + top q, from the highest or lowest power, so that rounding errors do not grow.
+        # Solve (x - p) w = v + top q. Start from the highest power if |p| <= 1, and otherwise from the lowest power,
+        # so that rounding errors do not grow.
         above, below = 0j, 1 + 0j
         for numerator, denominator in zip(v[::-1], q[::-1], strict=True):
             above, below = above * p + numerator, below * p + denominator
@@ -131,9 +132,9 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
 def _chain(poles: Any) -> Array:
     """Return the matrix of multiplication by x, modulo the polynomial of the poles.
 
-    The matrix acts on the coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... If p_i and p_{i+1} are a complex pair,
-    the polynomial that ends with x - p_i contains the real part of p_i instead of p_i. In powers of x, polynomials of
-    high degree would lose digits.
+    The matrix acts on the coefficients of 1, x - p_1, (x - p_1)(x - p_2), .... If p_i and p_{i+1} are a complex pair, a
+    polynomial whose last factor would be x - p_i has the factor x - Re p_i instead. In powers of x, polynomials of high
+    degree would lose digits.
     """
     M = np.diag(poles.real) + np.eye(poles.size, k=-1)
     for i in np.flatnonzero(poles.imag > 0):

@@ -65,8 +65,8 @@ def discretise(
 
     The default *reset* suits most loops. Use *clamping* for a controller with integral and derivative action but
     without proportional action. *Clamping* also suits loops in which u stays at a limit for long and must leave the
-    limit late. With *back-calculation* and a short `tracking_time`, u leaves a limit early. With none of the three
-    methods does u remain locked at a limit. Use None only for actuators without limits.
+    limit late. With *back-calculation* and a short `tracking_time`, u leaves a limit early. With each of these three
+    methods, u can always leave a limit again. Use None only for actuators without limits.
 
     Parameters
     ----------

@@ -127,8 +127,8 @@ def constants(k: Parameters) -> dict[str, float]:
 def program(k: Parameters, block: bool = False) -> Program:
     """Return the step of a controller.
 
-    If `block` is true, the controller has no paths, and the caller computes `summed`, the sum of the outputs of all
-    chains. The program is cached and shared, so do not change it.
+    If `block` is true, the controller has no paths. The caller then computes `summed`, which is otherwise the sum of
+    the outputs of the paths. The program is cached and shared, so do not change it.
     """
     named = constants(k)
     gains = {name: x for name, x in named.items() if k.tunable and not FIXED.fullmatch(name)}

@@ -2,9 +2,9 @@
 
 The frequency grid is logarithmic, and denser around lightly damped roots. The magnitude of the loop transfer function L
 is smooth between grid points, but the dead time turns the phase without bound. A grid step is therefore divided further
-if the dead time turns the phase quickly within the step *and* the step may contain a phase crossover or peak. A step
-may contain a phase crossover to be returned if the magnitude of L is large enough. It may contain the highest peak of a
-sensitivity function if an upper bound within the step exceeds the highest value so far.
+if the dead time turns the phase quickly within the step *and* the step may contain a phase crossover or peak. A phase
+crossover is sought only in steps in which the magnitude of L is large enough. A peak is sought only in steps in which
+an upper bound of the sensitivity function exceeds the highest value found so far.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def gain_crossings(at: Callable[[Any], Samples], samples: Samples) -> tuple[Arra
 
     with np.errstate(all="ignore"):
         w, value = samples.w, np.log(np.abs(samples.num) / np.abs(samples.den))
-        # Drop the points at which |L| is 1 but for rounding. So a gain of 1 at all frequencies gives no crossover.
+        # Drop points at which |L| differs from 1 only by rounding. So a gain of 1 everywhere gives no crossover.
         clear = np.isfinite(value) & (np.abs(value) >= ROUNDING)
         w, value = w[clear], value[clear]
         touched = [np.zeros(0)]

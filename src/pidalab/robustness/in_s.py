@@ -25,7 +25,7 @@ from pidalab.robustness.axis import (
 from pidalab.roots import roots
 
 # If the dead time turns the phase by more than this angle in rad, rounding errors are a noticeable part of a turn. Then
-# the computed number of poles need not be close to a whole number.
+# the computed number of poles is rounded, even if it is not close to a whole number.
 UNCERTAIN_TURNS = 1e12
 FAR_PER_DECADE = 12  # grid points per decade, far from all corner frequencies
 CLEAR = 10.0  # the grid is extended until |L| is above this value or below its inverse
@@ -220,7 +220,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return two arrays of frequencies, below and above the grid, that extend it until |L| has crossed 1.
+    """Return the frequencies below and above the grid that extend the grid until |L| has crossed 1, as two arrays.
 
     Beyond the grid |L| is nearly a power of w. Return an empty list if the grid is wide enough.
     """

@@ -120,8 +120,9 @@ class AxisInZ(Axis):
         -----
         The characteristic function is N + D for L = N/D. If |L| stays below 1 between two points of the grid, the
         change of angle(N + D) follows from angle(D) and angle(1 + L) at both points. If |L| stays above 1, this change
-        follows from angle(N) and angle(1 + 1/L). Both rules apply only if angle(D), or angle(N) without the dead time,
-        changes by at most `LARGEST_TURN`. All other steps are halved until angle(N + D) changes by at most this angle.
+        follows from angle(N) and angle(1 + 1/L). The first rule applies only if angle(D) changes by at most
+        `LARGEST_TURN`, and the second rule only if angle(N), without the turn by the dead time, changes by at most
+        `LARGEST_TURN`. All other steps are halved until angle(N + D) changes by at most `LARGEST_TURN`.
         """
 
         def characteristic(w: Any) -> Any:

@@ -15,7 +15,7 @@ from 0 to 1: its slope is at most 1, and its value is 0 only at 0. The criterion
 .. math:: \inf_{\omega > 0} \operatorname{Re}\left[1 + (1 + j\omega\theta)\,G(j\omega)\right] > 0.
 
 With θ = 0 this is the circle criterion. For the sector from 0 to 1, the circle that G must avoid becomes the half plane
-left of -1. If the Popov or the circle criterion holds, the loop comes to rest from every initial state. The theorem
+left of -1. If the Popov or the circle criterion holds, the loop comes to rest from every initial state. This theorem
 makes three assumptions:
 
 - F is strictly proper. Its poles lie left of the imaginary axis. The only exception is a simple pole at 0, such as that
@@ -239,9 +239,10 @@ def popov(loop: Loop) -> Criterion:
     Notes
     -----
     The margin for a given θ is the infimum over frequency of an expression that is linear in θ. At a fixed frequency,
-    the expression is therefore a straight line over θ, and the margin is nowhere above this line. Each computed margin
-    adds the line at its frequency. The next margin is computed at the θ at which the lowest line is highest. At no θ
-    can the margin exceed the height of the lowest line there, so the search ends when the best margin reaches it.
+    the expression is therefore a straight line over θ, and the margin is nowhere above this line. Each computed infimum
+    adds the line at the frequency of the infimum. The minimum of all lines is an upper bound of the margin, for each θ.
+    The next infimum is computed at the θ at which this bound is largest. The search ends when the best margin reaches
+    the largest value of the bound.
 
     Examples
     --------
@@ -266,15 +267,15 @@ def popov(loop: Loop) -> Criterion:
         bound = _best_multiplier(lines, most)[1]
         if bound - best.margin <= MARGIN_RTOL * max(1.0, abs(bound)):
             break
-        # With a large θ the grid must follow many turns of the phase. So θ is at most `slowest`, or FURTHER times the
-        # largest θ so far.
+        # With a large θ the grid must follow many turns of the phase. So θ is at most `slowest` or FURTHER times the
+        # largest θ so far, whichever is larger.
         reach = max(slowest, FURTHER * max(each.multiplier for each in tried))
         theta = _best_multiplier(lines, min(reach, most))[0]
     return best
 
 
 def _best_multiplier(lines: list[tuple[float, float]], most: float) -> tuple[float, float]:
-    """Return the θ from 0 to `most` at which the lowest of some lines is highest, and the height at this θ.
+    """Return the θ from 0 to `most` at which the minimum of some lines is largest, and this largest minimum.
 
     A line is given by its value at 0 and its slope.
     """
@@ -425,7 +426,7 @@ def infimum(part: LinearPart, theta: float) -> tuple[float, float]:
 
 
 def line(part: LinearPart, w: float) -> tuple[float, float]:
-    """Return value at θ = 0 and slope of the straight line over θ that is Re[1 + (1 + jωθ) G(jω)] at one frequency."""
+    """Return the value at θ = 0 of Re[1 + (1 + jωθ) G(jω)] at one frequency, and its constant slope over θ."""
     if 0 < w < math.inf:
         value = complex(part(1j * w))
         return 1 + value.real, -w * value.imag

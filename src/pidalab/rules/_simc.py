@@ -35,9 +35,10 @@ def simc(
     the largest lag τ_1 and, for PID, the second largest lag τ_2. It adds half of the largest neglected lag to the
     smallest kept lag. The effective dead time θ is the sum of the dead time, the other half of the largest neglected
     lag, all smaller lags, and the time constants of zeros in the right half-plane. A zero in the left half-plane is
-    cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite lag, and :math:`\tau_1/K`
-    becomes 1/K. For a pure dead time the result is an integral controller. For a double integrator the result is a PID
-    controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
+    cancelled by a lag of similar size (rules T1 to T3). An integrator counts as an infinite lag. If the largest lag is
+    an integrator, 1/K takes the place of :math:`\tau_1/K`. For a pure dead time the result is an integral controller.
+    For a double integrator the result is a PID controller with :math:`\tau_I = \tau_D = 4 (\tau_c + \theta)` and
+    :math:`k_c = 1/(4 K (\tau_c + \theta)^2)`.
 
     Parameters
     ----------
@@ -184,8 +185,8 @@ def _half_rule(model: Process, keep: int) -> Reduced:
     changes. The result may depend on the initial value, which the paper does not give. We start from `dead`, the dead
     time plus the time constants of zeros in the right half-plane. If `dead` is 0, we start from the effective dead time
     of the lags alone. These values reproduce the examples of the paper. If the effective dead time still changes after
-    `MOST_REDUCTIONS` reductions, the second half of the reductions is compared. The reduction with the longest
-    effective dead time is returned, because a longer dead time gives a more cautious controller.
+    `MOST_REDUCTIONS` reductions, the first half of the reductions is discarded. Of the second half, the reduction with
+    the longest effective dead time is returned, because a longer dead time gives a more cautious controller.
     """
     require_process("model", model)
     den = np.trim_zeros(model.den, "b")

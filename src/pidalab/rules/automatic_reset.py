@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 class Setting(NamedTuple):
-    """Dimensionless parameters of a series controller, for the velocity gain K_s and the dead time T_d of the model.
+    """Parameters of a series controller, made dimensionless with the velocity gain K_s and the total dead time T_d.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ def double_zero(ratio: float = 1.0) -> Setting:
     Returns
     -------
     Setting
-        Setting, computed from the exact zeros instead of the printed zeros.
+        Setting, computed from the exact zeros instead of the zeros printed in the paper.
 
     Raises
     ------

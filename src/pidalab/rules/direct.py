@@ -26,8 +26,8 @@ def setpoint(model: Process, alpha_d: float = 0.05, alpha_a: float = 0.025) -> N
 
     Without filters the open loop is :math:`0.722\,(1 + b s)\,e^{-\theta s}/(\theta s)` for every model. In two thirds
     of the range the PIDA controllers of least ITAE give nearly this open loop. The second term of b compensates the
-    derivative filter. The term :math:`\alpha_d \tau_d^2` of the acceleration time, :math:`\tau_a^2 = 2(k_a/k_p +
-    \alpha_d \tau_d^2)`, also compensates the derivative filter.
+    derivative filter. In the acceleration time, given by :math:`\tau_a^2 = 2(k_a/k_p + \alpha_d \tau_d^2)`, the term
+    :math:`\alpha_d \tau_d^2` also compensates this filter.
 
     The constants are fitted to the optima for 80 models of the range, with the default filters. The table shows by how
     much the ITAE exceeds the least ITAE (the average is a geometric mean):

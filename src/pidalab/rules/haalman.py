@@ -51,7 +51,7 @@ def pida(model: Process, ms: float = 1.4, *, n: float = 10, m: float | None = No
     Raises
     ------
     ValueError
-        If the model does not have this structure, or if no gain reaches `ms`.
+        If the model does not have the structure above, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def pid(model: Process, ms: float = 1.4, *, n: float = 10) -> PIDA:
     Raises
     ------
     ValueError
-        If the model does not have this structure, or if no gain reaches `ms`.
+        If the model does not have the structure above, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def pi(model: Process, ms: float = 1.4) -> PIDA:
     Raises
     ------
     ValueError
-        If the model does not have this structure, or if no gain reaches `ms`.
+        If the model does not have the structure above, or if no gain reaches `ms`.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def tune(
     ----------
     model : Process or ThreePointModel
         Process with constant numerator, dead time, and three (PIDA), two (PID) or one (PI) stable poles. A
-        `ThreePointModel` is refused if its `excess_gain` is above 0.25 (25 %): the gain of the record is then so far
+        `ThreePointModel` is refused if its `excess_gain` is above 0.25 (25 %). The gain of the record is then so far
         above the gain of the model that the loop with the process might be unstable.
     ms : float, optional
         Maximum sensitivity, above 1, of the loop without the output filter.
@@ -187,7 +187,7 @@ def tune(
 
 
 class OutputFilter(NamedTuple):
-    """Low-pass filter 1/(time s + 1)^order of the control signal, with the gain crossover frequency of its design."""
+    """Low-pass filter 1/(time s + 1)^order of the control signal, designed from the gain crossover frequency `wgc`."""
 
     time: float
     order: int

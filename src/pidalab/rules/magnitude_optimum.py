@@ -254,10 +254,10 @@ def tune_for_noise(
 
     Notes
     -----
-    With ``first=0.1`` and ``updates=4``, as in Fig. 5, the results agree with the paper within a unit of the last
-    digit: 69 of the 70 filter times and gains in Tables 3 to 5, and all 18 in Table 6. With the default number of
-    updates the results differ by up to four units of the last digit in the rows where the filter time converges slowly
-    (n = m, and m = 4).
+    The paper uses ``first=0.1`` and ``updates=4`` (Fig. 5). With these values, 69 of the 70 filter times and gains in
+    Tables 3 to 5 agree with the paper within a unit of the last digit, and so do all 18 in Table 6. With the default
+    number of updates the results differ by up to four units of the last digit in the rows where the filter time
+    converges slowly (n = m, and m = 4).
 
     Examples
     --------

@@ -213,8 +213,8 @@ def unit_step_responses(loop: Loop, t: Array, inputs: str) -> Array:
     Raises
     ------
     ValueError
-        If the loop is ill-posed, if the response of an unstable loop overflows, or if the times span too many dead
-        times. Also if rounding makes the response of a stiff loop uncertain. If \\|L\\| is near 1 or above at infinite
+        If the loop is ill-posed, if the response of an unstable loop overflows, if rounding makes the response of a
+        stiff loop uncertain, or if the times span too many dead times. If \\|L\\| is near 1 or above at infinite
         frequency, fewer dead times are allowed, since the response then depends on all past states.
 
     Examples

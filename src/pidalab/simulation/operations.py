@@ -104,7 +104,8 @@ class _Compiler:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
             # Let the last operation write its result directly to the target, except if the operation also reads the
-            # target. A change in place would not compile to vector instructions over parallel loops, and is slower.
+            # target. With many parallel loops, an operation that overwrites its own input would run without vector
+            # instructions, which is slower than the copy.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])

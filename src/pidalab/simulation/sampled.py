@@ -93,10 +93,11 @@ def simulate_sampled(
         limits are not rounded. An automatic reset or an integral uses the limited signal before rounding. With the
         rounded signal, the reset or the integral could stop too early.
     pulse_widths : int, optional
-        Number of pulse widths above 0, for pulse width modulation. In each sample the actuator is at the upper limit
-        during the pulse, and then at the lower limit. The width of the pulse is a multiple of ``h / pulse_widths``,
-        chosen so that the mean output of the actuator in the sample is nearest to the control signal. With 0, the
-        default, the actuator holds its value. Before t = 0 the plant rests as if its input were constant.
+        Number of pulse widths for pulse width modulation, not counting the width 0. In each sample the actuator is at
+        the upper limit during the pulse, and then at the lower limit. The width of the pulse is a multiple of
+        ``h / pulse_widths``, chosen so that the mean output of the actuator in the sample is nearest to the control
+        signal. With 0, the default, the actuator holds its value. Before t = 0 the plant rests as if its input were
+        constant.
 
     Returns
     -------

@@ -47,7 +47,7 @@ class Actuator(NamedTuple):
     low: float
     high: float
     quantum: float  # 0 for unlimited resolution
-    widths: int  # number of pulse widths above 0; 0 for an actuator that holds its output
+    widths: int  # number of pulse widths, not counting the width 0; 0 for an actuator that holds its output
 
 
 def plant_states(plant: Process | AsymmetricPlant) -> PlantStates:
