@@ -27,7 +27,7 @@ def package() -> str:
 
 
 def loop() -> str:
-    """Tune a controller, and check that the error after a unit step of the load has the integral ti/kp."""
+    """Tune a controller, and check that abs(integral of the error) is ti/kp after a unit step of the load."""
     process = pidalab.lags(3, delay=1.0)
     design = pidalab.rules.haalman.tune(process, ms=1.6)
     t = np.linspace(0, 200, 20001)

@@ -1,6 +1,7 @@
 """Run every page of the book with a slightly changed library, and check that its results change, too.
 
-`paperledger.shake` explains the method. A first run of the pages changes the printed numbers instead of the library.
+`paperledger.shake` explains the method. Pages with rows of the basis *computed* run first with an exact library, and
+only the printed numbers change.
 
     python tools/shake.py                    # all papers
     python tools/shake.py huba2018           # one paper

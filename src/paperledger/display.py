@@ -14,7 +14,8 @@ from paperledger.rows import Row
 from paperledger.verdicts import VERDICTS, Evidence, Relation
 
 # Headings of a score, and below each heading the kinds of rows with their labels. A row of the basis *computed* is
-# counted by its verdict. For the bases *fitted* and *from-print*, the kinds only tell agreement from disagreement.
+# counted by its verdict. For the bases *fitted* and *from-print*, the kinds only tell agreement from disagreement. The
+# basis *reading* has two kinds: claims that reading the paper settles, and claims that cannot be computed.
 GROUPS = {
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to printed values": {

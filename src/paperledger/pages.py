@@ -23,8 +23,8 @@ def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[
     """Return the score of all papers and of each paper, and the lines of a table of these scores.
 
     A line has a kind of rows, a label, and the counts. The kind is empty for a sum. The first line is the sum over all
-    kinds. Each later sum adds the lines below it, up to the next sum. The counts of all papers come first, so that they
-    are visible on narrow screens.
+    kinds. Each later sum adds the lines below it, up to the next sum. The first count of each line is for all papers
+    together, so that it is visible on narrow screens.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}

@@ -345,7 +345,7 @@ class Relation:
     def is_identity(self) -> bool:
         """True if the statement is that a residual is only rounding error.
 
-        The evidence then has the residual rounded up to a power of ten, since the digits depend on the machine.
+        If the statement holds, its evidence has the residual rounded up, since the digits depend on the machine.
         """
         return self.convention == ROUNDING
 
@@ -551,7 +551,9 @@ class Evidence:
         return "holds" if SIGNS[self.sign][0](_exact(self.left), asked) else "fails"
 
     def shown(self) -> str:
-        """Return the inequality for display. Its sign is negated if it fails, and different sides get different digits.
+        """Return the inequality for display. If it fails, its sign is negated.
+
+        Each side has four significant digits, or more if unequal sides would otherwise look equal.
 
         Returns
         -------
@@ -589,14 +591,17 @@ def _pair(value: object) -> Pair:
 
 
 def _side(value: float, scale: float, digits: int) -> str:
-    """Write one side of an inequality. Integers stay integers. Drop digits below about 1e-12 `scale` as noise."""
+    """Write one side of an inequality. Integers stay integers. Drop digits below about 1e-12 * `scale` as noise."""
     if isinstance(value, int) or isinf(value):
         return str(value)
     return write(value, Decimal(repr(float(scale))).adjusted() - 12 if scale else -400, digits)
 
 
 def _ratios(pairs: list[Pair]) -> str:
-    """Return the range of left / right as text, or "" if a side is not positive and finite or all are integers."""
+    """Return the range of left / right as text.
+
+    The text is empty if all sides are integers, or if any side is 0, negative or infinite.
+    """
     sides = [side for pair in pairs for side in pair]
     if all(isinstance(side, int) for side in sides) or not all(0 < side < float("inf") for side in sides):
         return ""
@@ -605,7 +610,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or to up to five digits if fewer give 1. Write tiny and huge ratios as bounds."""
+    """Round a ratio to two digits, or to up to five so that it differs from 1. Write extreme ratios as bounds."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

@@ -72,8 +72,8 @@ class Kernel:
         import numba
 
         config: Any = numba.config
-        # The option `fastmath` is not used, since it would fuse multiplications with additions. Simulations must give
-        # the same bits as the C and Python programs that pidalab writes.
+        # The option `fastmath` is not used, since it allows numba to fuse multiplications with additions. Simulations
+        # must give the same bits as the C and Python programs that pidalab writes.
         options: Any = {"nogil": True, "error_model": "numpy", **self.options}
         if "inline" in options:
             return numba.njit(**self.options)(self.function)

@@ -4,9 +4,9 @@ The paper integrates the record repeatedly: :math:`y_k = \int (A_{k-1} u_0 - y_{
 Here :math:`u_0` and :math:`y_0` are the changes of u and y, divided by the final change of u. This module computes the
 areas from moments of u and y about the time of the change. The integrals end when the record has settled. Without noise
 both methods give the same areas. Repeated integration runs to the end of the record, where noise has the largest
-weight. For a unit step response of 1/(s + 1)^4 that is 50 time constants long and has noise of standard deviation
-0.001, the standard error of A_5 is 2 % with moments. With repeated integration it is 66 %, even if each final value is
-a mean over the last ten time constants.
+weight. An example is a unit step response of 1/(s + 1)^4 that is 50 time constants long, has 100 samples in each time
+constant, and contains white noise of standard deviation 0.001. The rms error of A_5 is 3 % with moments. With repeated
+integration it is 66 %, even if each final value is a mean over the last ten time constants.
 """
 
 from __future__ import annotations
@@ -263,7 +263,10 @@ def _steady(x: Array) -> bool:
 
 
 def _transients(x: Array) -> tuple[Array, float]:
-    """Return the components of decaying exponentials in the means of the pieces, and the deviation due to noise."""
+    """Return the components of decaying exponentials in the means of the pieces.
+
+    Also return the standard deviation of these components due to noise.
+    """
     means, spread = _pieces(x)
     shapes = np.exp(-np.arange(PIECES) / np.array(LAGS)[:, None])
     shapes -= np.mean(shapes, axis=1, keepdims=True)

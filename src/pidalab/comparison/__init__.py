@@ -146,7 +146,7 @@ def compare(
 def designs(
     process: Process, requirements: Requirements, rules: Iterable[str] | None = None
 ) -> Iterator[tuple[str, str, Callable[[], Design]]]:
-    """Yield a function that designs the controller for each kind of each rule, and then for each optimum.
+    """Yield a name, a kind and a design function for each kind of each rule, and then for each optimum.
 
     Parameters
     ----------

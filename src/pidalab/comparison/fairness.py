@@ -133,5 +133,5 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
     # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So a filter time
-    # with exactly this noise gain may not exist. The result for the shortest filter time found below the limit is used.
+    # with exactly this noise gain may not exist. Use the shortest filter time that was found to keep the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -161,8 +161,8 @@ class Problem:
             excess = min(ie - step * float(error.sum()) + REST * ie, 0.0) / (REST * ie)
 
             def slope() -> Array:
-                # The response contributes the integral of weight * (derivatives of y) over time to the gradient. By
-                # Parseval's theorem, this is also an integral over frequency. So only the weight has to be transformed.
+                # A part of the gradient is the integral of weight * (derivatives of y) over time. By Parseval's
+                # theorem, this part is also an integral over frequency. So only the weight has to be transformed.
                 weight = np.conj(np.fft.rfft((2 * by_error - 2 * excess) * step * growth)) * both_signs
                 weighted = -plant * sensitivity * e * weight
                 by_time = (self.order + 1) * (((lag - 1) * controller) @ weighted)

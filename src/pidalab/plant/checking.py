@@ -123,7 +123,7 @@ class Check:
         return with_doubts("\n".join(lines), self.doubts)
 
     def _gains(self, row: DesignRow) -> str:
-        """Return suggested gains as text, after their IAE divided by the IAE of the running gains."""
+        """Return suggested gains as text. The text begins with (their IAE) / (IAE of the running gains)."""
         k = None if row.design is None else row.design.controller
         if row.design is self.design or not isinstance(k, HighOrderPID):
             return ""

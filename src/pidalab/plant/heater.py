@@ -158,7 +158,7 @@ class Lab:
         Parameters
         ----------
         controller : DigitalController
-            Controller from a temperature in degrees Celsius to a power in per cent. It is reset before the run.
+            Controller that computes a power in per cent from a temperature in °C. It is reset before the run.
         setpoint : float or array_like, shape (n,)
             Set point in degrees Celsius: one value, or a value for each sample.
         duration : float, optional

@@ -41,7 +41,10 @@ def page(
     sections: Sequence[tuple[str, str]],
     folded: Sequence[tuple[str, str]],
 ) -> str:
-    """Return an HTML page. Each section has a heading and a text. A click opens the sections in `folded` at the end."""
+    """Return an HTML page.
+
+    A section has a heading and a text. The sections in `folded` come last, and each of them opens at a click.
+    """
     loader = jinja2.PackageLoader("pidalab.plant.code")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template("report.j2")
     figure, table = Markup(svg(drawn)), Markup(table)

@@ -358,7 +358,7 @@ def loaded(data: FitData) -> FitData:
 
 
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
-    """Return models with a further lag that fit the record nearly as well.
+    """Return models with a further lag that fit the record nearly as well as the fitted model.
 
     If the fitted model has equal lags, also add a further lag to a second-order model. Its response is almost the same.
     """

@@ -14,7 +14,8 @@ from pidalab import _check
 from pidalab._check import Array
 from pidalab.plant.doubts import doubt
 
-FEWEST = 20  # with fewer samples, a record is refused, and a check is skipped
+# Least number of samples in a record or a run. With fewer samples, the tests for outliers and feedback are skipped.
+FEWEST = 20
 # The time may be a counter that restarts, such as the seconds of a minute. This is assumed only if, with the counter
 # continued, the samples before and after each restart are at most this number of median intervals apart.
 LONGEST_WRAP = 10

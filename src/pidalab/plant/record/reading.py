@@ -33,15 +33,15 @@ DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y",
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
 DAY = 86400.0  # seconds
-# Units of time, and their number in a second. Times are assumed to count from 1970 in one of these units if they are
-# then above 1e8 s (the year 1973).
+# Units of time, and their number in a second. Times are assumed to count from 1970, in the first of these units in
+# which they exceed 1e8 s (the year 1973).
 EPOCHS = {"nanoseconds": 1e9, "microseconds": 1e6, "milliseconds": 1e3, "s": 1.0}
 UNIT = re.compile(
     r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
     re.IGNORECASE,
 )
 QUOTED = 60  # largest number of characters of the file that a message quotes
-SAMPLE = 50  # the format is detected from this number of lines; a message lists at most so many column names
+SAMPLE = 50  # number of lines from which the format is detected, and of column names that a message lists at most
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # most characters in a row, and most columns in a file
 
 
