@@ -553,7 +553,7 @@ class Evidence:
     def shown(self) -> str:
         """Return the inequality for display. If it fails, its sign is negated.
 
-        Each side has four significant digits, or more if unequal sides would otherwise look equal.
+        Decimals have four significant digits, or more if unequal sides would otherwise look equal.
 
         Returns
         -------
