@@ -87,8 +87,8 @@ def judge(
     Yields
     ------
     dict
-        A row. If measures are missing, ``reason`` says why. If the rule refused or its design could not be measured,
-        there is only the first row.
+        A row. If measures are missing, ``reason`` says why. There is only the first row if the rule refused, or if a
+        measurement of its design raised an error.
     """
     row = measure_row(rule, kind, make, process, scale.sample_time, first_horizon(process))
     kind = kind or kind_of(row.design)

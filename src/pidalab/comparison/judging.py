@@ -39,7 +39,8 @@ class DesignRow(NamedTuple):
     reason : str
         Reason for a missing design or measure, or a remark on how the noise gain was measured.
     design : Design or None
-        The design. None if the rule does not apply or a measurement failed.
+        The design. None if the rule does not apply or a measurement raised an error. A design with an unstable loop
+        is kept.
     peak : float
         Largest deviation of the output after the load step.
     overshoot : float
