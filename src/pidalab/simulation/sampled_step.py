@@ -205,7 +205,8 @@ def crossed(plant: Steps, x: Array, x_new: Array, v: Array, width: Array, at: in
     """Advance the plant by a sample. Return the new state, then the old array for reuse."""
     for piece in range(plant.lag_samples.size):
         w = v[at - plant.lag_samples[piece]]
-        system = 1 if w > x[0] else 0  # x[0] does not cross the constant w, so this system applies to the whole piece
+        # Within the piece, x[0] does not cross the constant w. So the same system applies to the whole piece.
+        system = 1 if w > x[0] else 0
         advanced(plant.phi[piece, system], plant.gamma[piece, system], x, w, x_new)
         x, x_new = x_new, x
         if plant.pulse.shape[1] > 1:
