@@ -253,7 +253,7 @@ def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Disp
 
 # OUTCOMES has other words for verdicts that would mislead in a summary. PLURALS has the plural of the first word of
 # an outcome.
-OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs as we read it"}
+OUTCOMES = {"last-digit": "a unit off", "approximate": "within tolerance", "as-read": "differs in our copy"}
 PLURALS = {"misprint": "misprints", "differs": "differ", "holds": "hold", "fails": "fail"}
 
 
@@ -267,7 +267,7 @@ def outcome(rows: Sequence[Row]) -> str:
 
     >>> rows = [Row("demo.a", "Table 1", "gain", "1.3", verdict=verdict) for verdict in ("reproduced", "misprint")]
     >>> outcome(rows), outcome(rows[:1]), outcome(rows[:1] * 3)
-    ('1 of 2, 1 misprint', 'reproduced', 'all 3')
+    ('1 of 2 agrees, 1 misprint', 'reproduced', 'all 3 agree')
     """
     counts = Counter(row.verdict or "open" for row in rows)
     fitted = ", settings fitted" if any(row.basis == "fitted" for row in rows) else ""
@@ -275,8 +275,8 @@ def outcome(rows: Sequence[Row]) -> str:
         return _words(next(iter(counts)), 1) + fitted
     good = counts.pop("reproduced", 0) + counts.pop("holds", 0)
     if good == len(rows):
-        return f"all {good}{fitted}"
-    parts = [f"{good} of {len(rows)}"] if good else []
+        return f"all {good} agree{fitted}"
+    parts = [f"{good} of {len(rows)} agree{'s' * (good == 1)}"] if good else []
     parts += [f"{count} {_words(verdict, count)}" for verdict, count in counts.items()]
     return ", ".join(parts) + fitted
 

@@ -84,9 +84,9 @@ def simulate_sampled(
         Action of the integral of a continuous controller at a limit. By default, or with "none", the integral
         continues. With *clamping* it stops while it would drive the control signal further beyond the limit. With
         *conditioning* it integrates :math:`\varepsilon + (u - w)/k_p`, where w is the control signal before the limits
-        and u the limited signal. If a PI controller received this sum in place of ε, w would equal u. Here :math:`k_p`
-        is :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of ``controller.discretise``. A
-        digital controller uses its own anti-windup.)
+        and u the limited signal. For a PI controller this sum is the error with which w would just equal u. In
+        general :math:`k_p` is :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
+        ``controller.discretise``. A digital controller uses its own anti-windup.)
     quanta : tuple of float, optional
         Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
         Values are rounded to the nearest multiple, and values halfway between two multiples to the even multiple. The

@@ -105,8 +105,8 @@ def _pulses(states: PlantStates, time: float, offset: float, h: float, actuator:
     on = np.clip(h * np.arange(widths + 1) / widths - offset, 0.0, time)
     over_piece = held(A, b, time)[1]
     phi, gamma = held(A, b, h / widths)
-    # The effect of a pulse is `over_piece` minus the effect of an input of 1 over the time after the pulse. For each
-    # next shorter width, the time after the pulse is longer by h / widths.
+    # The effect of a pulse is `over_piece` minus the effect of an input of 1 over the time after the pulse. This
+    # time grows by h / widths from one width to the next shorter one.
     after = None
     for width in range(widths, 0, -1):
         if 0 < on[width] < time:

@@ -173,7 +173,7 @@ def test_head():
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_notes_keep_their_punctuation(language):
-    note = "Doubt: 2 gaps; the longest, 4 ± 1, begins at 30 (kp/ki = 0.5). It's 20 % of 3 min [kW]"
+    note = "Warning: 2 gaps; the longest, 4 ± 1, begins at 30 (kp/ki = 0.5). It's 20 % of 3 min [kW]"
     for k in CASES.values():
         code = getattr(k, language)(note=note)
         assert note in re.sub(r"\n[ *]*", " ", code)

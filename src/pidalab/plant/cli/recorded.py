@@ -136,7 +136,7 @@ def tune_command(out: Path | None, force: bool, kind: str, **options: Any) -> No
         return
     name = options["record"].name
     head = {"record": name, "time_unit": record.time_unit, "date": record.date, "margins": sampled}
-    head["note"] = "\n".join(f"Doubt: {said}" for said in doubts)
+    head["note"] = "\n".join(f"Warning: {said}" for said in doubts)
     texts = {f"controller.{end}": getattr(digital, language)(**head) for end, language in CODE.items()}
     if options["single"]:
         texts["controller.c"] = digital.c(precision="single", **head)
