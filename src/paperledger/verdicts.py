@@ -155,7 +155,8 @@ def show(printed: str, computed: str) -> str:
 
 def _text(number: Decimal, place: int) -> str:
     rounded = number.quantize(Decimal(1).scaleb(place), context=_WIDE)
-    return str(rounded).lower() if rounded else f"{abs(rounded):f}"  # a zero is written without sign and exponent
+    # A zero is written without sign and exponent.
+    return str(rounded).lower() if rounded else f"{abs(rounded):f}"
 
 
 def tolerance(note: str, printed: Decimal) -> Decimal | None:

@@ -30,7 +30,8 @@ from pidalab.simulation.exact import simulate
 # For each suggested set of gains: limit of Ms, and limit of the noise gain divided by the present noise gain.
 SETS = {"calmer": (1.4, 0.5), "same noise": (1.6, 1.0), "faster": (1.8, 2.0)}
 PLANTS_JUDGED = 60  # number of plants; with fewer, their largest Ms is too often below the true Ms
-CLEARER = 0.8  # a fit with a load is used only if it reduces the deviation of the residuals to less than this share
+# A fit with a load is used only if it reduces the deviation of the residuals to less than this share.
+CLEARER = 0.8
 CLEAR_MOVE = 20.0  # the output must move by this number of standard deviations of the noise
 COLOURED = 3.0  # if `samples_per_error` is at least this, the residuals are not white noise
 EXPLAINED = 0.8  # a doubt is given if the share from `explained_by` is below this

@@ -29,7 +29,8 @@ from pidalab.simulation.exact import load_iae
 AT_REST = 10.0
 OTHER_UNIT = 100.0  # if the sample times of design and record differ by this ratio, their units may differ
 DEFAULT_MKS = 10.0  # default limit of (gain from noise to u) / `_gain_needed`
-DEFAULT_NOISE_SHARE = 0.01  # default limit of (standard deviation of u from noise) / (input step in the record)
+# Default limit of (standard deviation of u from noise) / (input step in the record).
+DEFAULT_NOISE_SHARE = 0.01
 MOST_MS = 5.0
 PHASE_UNKNOWN = 1e-3  # a phase shift below this, in rad, is negligible, since no model is so accurate
 SPREAD = 20  # number of plants drawn from the uncertainty of a fit

@@ -18,7 +18,8 @@ SURE = 3.0  # the sign of a gain is known if the gain differs from 0 by this num
 EXPLAINED = 0.5
 FED_BACK = 0.3  # feedback is assumed if `_agreement` of the changes of u and y is at least this
 COLOURED = 1.5  # if `samples_per_error` is above this, the residuals are not white noise
-CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3  # factors of closed-loop uncertainties, for coloured and for white residuals
+# Factors of closed-loop uncertainties, for coloured and for white residuals.
+CLOSED_LOOP, CLOSED_LOOP_WHITE = 7.0, 1.3
 CHANCE = 0.003  # accepted probability of mistaking a drift for a response, or a coincidence for feedback
 OPPOSED = 0.8  # feedback is assumed if abs(agreement) of the changes of u and the residuals is at least this
 

@@ -41,11 +41,13 @@ UNIT = re.compile(
     re.IGNORECASE,
 )
 QUOTED = 60  # largest number of characters of the file that a message quotes
-SAMPLE = 50  # number of lines from which the format is detected, and of column names that a message lists at most
+# Number of lines from which the format is detected, and largest number of column names that a message lists.
+SAMPLE = 50
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # most characters in a row, and most columns in a file
 
 
-PLACES = {"time": 0, "u": 1, "y": 2}  # columns for roles that the header does not name, or names several times
+# Columns for roles that the header does not name, or names several times.
+PLACES = {"time": 0, "u": 1, "y": 2}
 
 
 class Columns(NamedTuple):
