@@ -107,8 +107,8 @@ def _divided(num: list[float], q: list[float], poles: list[complex]) -> list[com
         top = v[-1]
         v = [low - c * top for low, c in zip([coefficient, *v[:-1]], q, strict=True)]
     for p in poles:
-        # Solve (x - p) w = v + top * q for the polynomial w and the number top. Start from the highest power if |p| <= 1,
-        # and otherwise from the lowest power, so that rounding errors do not grow.
+        # Solve (x - p) w = v + top * q for the polynomial w and the number top. Start from the highest power if
+        # |p| <= 1, and otherwise from the lowest power, so that rounding errors do not grow.
         above, below = 0j, 1 + 0j
         for numerator, denominator in zip(v[::-1], q[::-1], strict=True):
             above, below = above * p + numerator, below * p + denominator

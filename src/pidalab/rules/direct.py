@@ -1,9 +1,9 @@
 """PIDA controllers for a second-order model with dead time, by formulas fitted to the least ITAE. Not from a paper.
 
 The ITAE is the integral of time times absolute error after a step. Symbols, controllers and range of models are the
-same as in `itae`, but the ITAE is closer to the least ITAE. For set-point steps, most of the optimal controllers have zeros
-that cancel the poles of the model. For overdamped models with long dead time, cancelling the poles raises the ITAE by
-up to 11 % above the least ITAE.
+same as in `itae`, but the ITAE is closer to the least ITAE. For set-point steps, most of the optimal controllers have
+zeros that cancel the poles of the model. For overdamped models with long dead time, cancelling the poles raises the
+ITAE by up to 11 % above the least ITAE.
 """
 
 from __future__ import annotations
