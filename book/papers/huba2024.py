@@ -77,7 +77,7 @@ def shapes(runs, *names):
         for signal, e, size in zip("yu", excess(r, step), changes, strict=True):
             # An excess below a billionth of the change is a rounding error.
             e = e if e > 1e-9 * size else 0.0
-            found[f"{name}, {signal} after the {step}"] = e, size
+            found[f"{name}, {signal} after the {step} step"] = e, size
     return found
 
 
