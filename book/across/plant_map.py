@@ -67,9 +67,8 @@ def advice(rule: str | None, distance: float | None) -> str:
     if rule is None:
         return "No rule works here. Use the optimum, from the lab or pidalab.tune."
     far = f"{rule} is the best rule. It has {distance:.2f} times the least IAE in the median"
-    return (
-        f"{far}, so it is good enough." if 1 - 1 / distance < tables.WORTH else f"{far}, so use the optimum."
-    )
+    near = 1 - 1 / distance < tables.WORTH
+    return f"{far}, so {'it is good enough' if near else 'use the optimum instead'}."
 
 
 def panel(name: str, title: str, some: pd.DataFrame, found: dict) -> str:

@@ -54,8 +54,8 @@ def law() -> Markdown:
     named = ", ".join(f"{row.plant} ({100 * row.off:+.0f} points)" for row in far.itertuples())
     error = np.sqrt((off["off"] ** 2).mean())
     return Markdown(
-        f"With loud noise, acceleration saves about **{100 * slope:.0f} % × roll-off "
-        f"{'−' if start < 0 else '+'} {abs(100 * start):.0f} points** of the IAE. The root-mean-square error of this "
+        f"With loud noise, acceleration saves about **({100 * slope:.0f} × roll-off "
+        f"{'−' if start < 0 else '+'} {abs(100 * start):.0f}) %** of the IAE. The root-mean-square error of this "
         f"formula over {len(off)} plants is {100 * error:.0f} points. The largest errors are: {named}."
     )
 
@@ -177,5 +177,5 @@ def coverage() -> Markdown:
     return Markdown(
         f"The rules ran on {rules} of {everything} plants, with {own.groupby(['rule', 'kind']).ngroups} combinations "
         f"of rule and kind. Of {len(own)} designs, {refused} were refused by the rule or gave no stable loop. "
-        f"The optima cover {best} of {everything} plants."
+        f"The best controllers are known for {best} of {everything} plants."
     )

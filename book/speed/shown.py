@@ -228,5 +228,5 @@ def ten_million() -> Markdown:
     )
     return Markdown(
         f"Two workers take {two / one:.2f} of the time of one. A portrait of ten million such loops would need about "
-        f"{1e7 * each / 3600:.1f} hours on one processor, divided by the number of processors."
+        f"{1e7 * each / 3600:.1f} hours of processor time, shared by all processors."
     )

@@ -270,7 +270,7 @@ def outcome(rows: Sequence[Row]) -> str:
     ('1 of 2 agrees, 1 misprint', 'reproduced', 'all 3 agree')
     """
     counts = Counter(row.verdict or "open" for row in rows)
-    fitted = ", settings fitted" if any(row.basis == "fitted" for row in rows) else ""
+    fitted = " (settings fitted)" if any(row.basis == "fitted" for row in rows) else ""
     if len(rows) == 1:
         return _words(next(iter(counts)), 1) + fitted
     good = counts.pop("reproduced", 0) + counts.pop("holds", 0)

@@ -140,6 +140,7 @@ def sampled_noise(loop: Loop, sample_time: float) -> tuple[float, str]:
     # If the filter is faster than the sample time, measure the controller as a PLC would run it.
     try:
         digital = loop.controller.discretise(sample_time, "backward", loop.output_filter)
-        return noise_gain(Loop(loop.process, digital), sample_time), "noise gain of backward differences"
+        remark = "noise gain of the digital form (backward differences)"
+        return noise_gain(Loop(loop.process, digital), sample_time), remark
     except ValueError:
         return math.nan, f"no noise gain: {reason}"
