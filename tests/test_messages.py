@@ -169,7 +169,7 @@ MESSAGES = {
         (lambda: plots.nyquist(None, {"a": L}, W), "ax must be one of .* found NoneType"),
         (lambda: plots.signal(plt.gcf(), {"a": ANSWER}, "y"), "ax must be one of matplotlib's Axes, found Figure"),
         (lambda: plots.nyquist(plt.gca(), {"a": L}, np.append(W, np.inf)), "frequencies must be finite, found inf at"),
-        (lambda: plots.label_lines(plt.gca(), {"PI": 1.0}), r"keys of at must be labels of lines in ax, .* found 'PI'"),
+        (lambda: plots.label_lines(plt.gca(), {"PI": 1.0}), r"keys of 'at' must be labels .* in 'ax' .* found 'PI'"),
     ],
     "simulate": [
         (simulated(t=[0.0, 1.0, 3.0]), "t must be uniform"),

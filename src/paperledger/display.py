@@ -15,7 +15,7 @@ from paperledger.verdicts import VERDICTS, Evidence, Relation
 
 # Headings of a score, and below each heading the kinds of rows with their labels. A row of the basis *computed* is
 # counted by its verdict. For the bases *fitted* and *from-print*, the kinds only tell agreement from disagreement. The
-# basis *reading* has two kinds: claims that reading the paper settles, and claims that cannot be computed.
+# basis *reading* has two kinds: claims that are settled by reading the paper, and claims that cannot be computed.
 GROUPS = {
     "computed from the paper's problem": {v: v for v in (*VERDICTS, "open") if v != "not-computable"},
     "with settings fitted to printed values": {
@@ -189,10 +189,11 @@ def evidence(row: Row, span: int = 1) -> Cell:
 
 
 def claims(rows: Sequence[Row], anchors: bool = False, why: bool = False) -> Display:
-    """Show rows as a table. Numbers have differences in units of the last printed place, statements have evidence.
+    """Show rows as a table, with the differences of numbers and the evidence of statements.
 
-    A difference is computed minus printed. If `why` is true, a column of notes replaces the verdicts. Otherwise a click
-    on a claim shows its note. If `anchors` is true, each row has a link to cite it.
+    A difference is computed minus printed, in units of the last printed place. If `why` is true, a column of notes
+    replaces the verdicts. Otherwise a click on a claim shows its note. If `anchors` is true, each row has a link to
+    cite it.
     """
     statements = all(row.is_statement for row in rows)
     last = ["evidence"] if statements else ["printed", "computed", "difference"]

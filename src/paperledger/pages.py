@@ -1,4 +1,4 @@
-"""Make what covers all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, and the manifest."""
+"""Make the outputs of all ledgers: the pages *Scoreboard* and *Errata*, the table of scores, and the manifest."""
 
 import re
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ def _title(book: Ledger) -> str:
 def _scores(folder: Path | str | None) -> tuple[dict[str, dict[str, int]], list[tuple[str, str, list[int]]]]:
     """Return the score of all papers and of each paper, and the lines of a table of these scores.
 
-    A line has a kind of rows, a label, and the counts. The kind is empty for a sum. The first line is the sum over all
-    kinds. Each later sum adds the lines below it, up to the next sum. The first count of each line is for all papers
-    together, so that it is visible on narrow screens.
+    A line consists of the kind of the counted rows, a label, and the counts. The kind is empty for a
+    sum. The first line is the sum over all kinds. Each later sum adds the lines below it, up to the next sum. The first
+    count of each line is for all papers together, so that it is visible on narrow screens.
     """
     books = {paper: [*book.rows.values()] for paper, book in load_all(folder).items()}
     scores = {"total": display.score(row for rows in books.values() for row in rows)}

@@ -38,7 +38,7 @@ def naming(id: str) -> Iterator[None]:
 
 
 def making(text: str) -> tuple[bool, str]:
-    """Read the column ``made``. Return True if settings were fitted, and a reason if the value may stay in `shake`.
+    """Read the column ``made``. Return True if settings were fitted, and why `shake` may leave the value unchanged.
 
     The reason is ``page`` (a formula of the page computes the value) or ``count`` (the value is a whole number, or
     a point of a grid). It is empty if the value must change when `shake` changes the library.

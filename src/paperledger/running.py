@@ -126,7 +126,7 @@ def update(paper: str, folder: Path | str | None = None) -> Update:
                 pass
         books += [book for book in opened if book.paper == paper]
     fresh: dict[str, Row] = {}
-    # If several pages pass a value for the same row, a page that closed its ledger becomes the page of the row.
+    # If several pages pass a value for the same row, the value of a page that closed its ledger is stored.
     for book in sorted(books, key=lambda book: not book.closed):
         fresh = {id: replace(row, page=book.page) for id, row in book.fresh.items()} | fresh
     book = Ledger.open(paper, folder=place)
@@ -209,5 +209,8 @@ def missing(paper: str, folder: Path) -> list[str]:
 
 
 def _letters(text: str) -> str:
-    """Return only the letters of a text, in lower case. Files differ in capitals, dashes and indices of a title."""
+    """Return only the letters of a text, in lower case.
+
+    Two files may write the same title with different capitals, dashes and subscripts.
+    """
     return re.sub(r"[^a-z]", "", text.replace("ₙᵐ", "nm").lower())

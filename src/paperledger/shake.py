@@ -187,7 +187,10 @@ class Shaker:
     def perturbed(
         self, function: Callable[..., Any], call: Callable[..., Any] | None = None
     ) -> Callable[..., Any]:
-        """Wrap a function so that the result of an outermost call is changed. `call`, if given, runs instead of it."""
+        """Wrap a function so that the result of an outermost call is changed.
+
+        If `call` is given, it runs instead of `function`.
+        """
         key, work = f"{function.__module__}.{function.__qualname__}", call or function
         exact = self.kept_exact(work)
 
@@ -435,7 +438,7 @@ def report(rows: Sequence[Row], shaker: Shaker, runs: Runs, exact: Runs) -> list
     Parameters
     ----------
     rows : sequence of Row
-        The rows that some page must pass.
+        Stored rows. Pages must give new values for all of them.
     shaker : Shaker
         Shaker of the runs.
     runs : mapping of str to Run

@@ -250,7 +250,7 @@ def maps(
         ax.set_ylabel(names[1])
     scale = figure.colorbar(shades, ax=axes, label=label, format="{x:g}")
     for i, patch in enumerate(scale.ax.findobj(PathPatch)):
-        patch.set_gid(f"as-drawn-{i}")  # keeps the shade above the last level as drawn, in dark mode too
+        patch.set_gid(f"as-drawn-{i}")  # dark mode does not recolour the shade above the last level
     return figure
 
 
@@ -316,7 +316,7 @@ def label_lines(ax: Axes, at: Mapping[str, float], below: Collection[str] = ()) 
     lines, (bottom, _) = {str(line.get_label()): line for line in ax.get_lines()}, ax.get_ylim()
     for label, x in at.items():
         if label not in lines:
-            raise ValueError(f"keys of at must be labels of lines in ax, {list(lines)}, found {label!r}")
+            raise ValueError(f"keys of 'at' must be labels of lines in 'ax' ({list(lines)}), found {label!r}")
         points = ax.transData.transform(lines[label].get_xydata())
         here = float(ax.transData.transform((x, bottom))[0])
         before, y, after = np.interp([here - 5, here, here + 5], *points.T)

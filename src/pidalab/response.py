@@ -390,7 +390,9 @@ class Response(Signals):
         """
         target = self._passed_peak(final, "peak_time")
         if (share := self._top(target)[1]) <= 1:
-            raise ValueError(f"peak_time needs an overshoot, found {share:.6g} of the final value at most")
+            raise ValueError(
+                f"peak_time needs an overshoot, found a y of at most {share:.6g} times the final value"
+            )
         return self._settle("peak_time", lambda record: record._top(target)[0])
 
     def _passed_peak(self, final: float | None, measure: str) -> float:
@@ -610,7 +612,8 @@ class Response(Signals):
         limit, tail = width(error), float(np.max(np.abs(error[-max(1, self.t.size // 10) :])))
         if tail > limit:
             raise ValueError(
-                f"band must contain the last tenth's error, {tail:.3g}, found {limit:.3g}; simulate longer or widen it"
+                f"band must contain the error in the last tenth of the record, which reaches {tail:.3g}, found a half "
+                f"width of {limit:.3g}; simulate longer or widen the band"
             )
 
         def entry(record: Response) -> float:

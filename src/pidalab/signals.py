@@ -42,7 +42,7 @@ class Signals:
 
     _finer: ClassVar[Any] = None  # function that returns the experiment on a grid `REFINEMENT` times finer
     _speed: ClassVar[Any] = None  # function that returns the modulus of the fastest pole of the loop
-    _exact: ClassVar[bool] = False  # True if a simulation or the caller provided the area
+    _exact: ClassVar[bool] = False  # True if the caller or a simulation gave `area`, the integral of y
 
     def __post_init__(self) -> None:
         fields = vars(self)
@@ -85,7 +85,7 @@ class Signals:
         return fields["_next"]
 
     def _thinned(self) -> Self | None:
-        """Return a record of every second sample, or None if `t.size` is even or small or a held signal varies."""
+        """Return a record of every second sample, or None if a held signal varies, or if `t.size` is even or small."""
         if self.t.size % 2 == 0 or self.t.size < FEWEST_JUDGED:
             return None
         if not all(map(_check.is_constant, (self.r, self.d, self.n, self.held))):

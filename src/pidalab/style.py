@@ -72,8 +72,8 @@ def kind_of(label: str) -> str | None:
 class BookAxes(Axes):
     """Axes in which the label of a line determines the colour and dash. A label has the same look in the whole figure.
 
-    A label that names no kind of controller, and has no fixed look, gets an unused look if an earlier label of the
-    figure determined a look. Otherwise matplotlib chooses the look.
+    Some labels neither name a kind of controller nor have a fixed look. Such a line gets an unused look if the figure
+    already has a line whose label determined its look. Otherwise matplotlib chooses the look.
     """
 
     name = "rectilinear"

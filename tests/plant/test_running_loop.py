@@ -177,5 +177,5 @@ def test_slow_disturbances_widen_intervals():
 
 def test_fed_back_disturbances_are_doubted():
     found = check(log(setpoint=steps((20, 0.5)), noise=0.25, slow=0.9), RUNNING, sample_time=H)
-    assert any("slow disturbances make up about 14 %" in doubt for doubt in found.doubts)
+    assert any("slow disturbances cause about 14 %" in doubt for doubt in found.doubts)
     assert not found.fit._data.loaded

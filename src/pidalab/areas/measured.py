@@ -235,7 +235,7 @@ def _end(t: Array, u: Array, y: Array, first: int) -> tuple[int, bool]:
 
 
 def _pieces(x: Array) -> tuple[Array, float]:
-    """Return the mean of each piece minus the last sample, and the standard deviation of a mean due to noise."""
+    """Return the mean of each piece of x - x[-1], and the standard deviation of such a mean due to noise."""
     size = x.size // PIECES
     means = np.mean((x[: size * PIECES] - x[-1]).reshape(PIECES, size), axis=1)
     # For Gaussian noise, the median of the absolute differences is 0.954 standard deviations.

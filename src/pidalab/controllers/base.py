@@ -1,4 +1,4 @@
-"""The base class of controllers, which provides evaluation, products, other forms and the digital controller."""
+"""The base class of controllers, which can be evaluated, multiplied, converted to other forms and discretised."""
 
 from __future__ import annotations
 

@@ -360,9 +360,9 @@ class DigitalController(Parameters):
         precision : {"double", "single"}, optional
             Type of the real numbers: ``double`` or ``float``.
         **head : optional
-            Entries of the comment at the top: ``margins`` of the loop, a text as ``note``, the ``time_unit`` of the
-            sample time, and the name (``record``) and ``date`` of the record to which the model was fitted. Only
-            letters, digits and usual punctuation marks of the texts are kept.
+            Entries of the comment at the top: ``margins`` (of the loop), ``note`` (a text), ``time_unit`` (of the
+            sample time), ``record`` (name of the record to which the model was fitted) and ``date`` (of this record).
+            Only letters, digits and usual punctuation marks of the texts are kept.
 
         Returns
         -------

@@ -400,7 +400,7 @@ def finish(search: Search, x: Array, known: Sequence[Polished] = ()) -> Polished
 
 
 def _safe(search: Search, x: Array) -> bool:
-    """Return True if Ms is at most `ms_worst` with all of the family. Otherwise add the worst plants to the search."""
+    """Return True if Ms is at most `ms_worst` with each plant of the family. Otherwise add the worst plants."""
     loop, peaks = search.loop(x), []
     for k, plant in enumerate(search.family):
         other = Loop(plant, loop.controller)

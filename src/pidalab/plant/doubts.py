@@ -18,11 +18,11 @@ DOUBTS = {
     "drifting": "the output drifts by {drift:.3g} before the step: it was not at rest",
     "levels": "the output has only {count} levels, {apart:.3g} apart",
     "gaps": "the record has {count} gap(s); the longest begins at time {start:.4g} and lasts {longest:.3g} time units",
-    "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the step is placed in "
-    "the middle; a fit uses the recorded input",
+    "slow input": "the input takes more than {time:.3g} to go from {before:.6g} to {after:.6g}: the listed step is "
+    "at the middle of this change, but a fit uses the recorded input",
     "at an end": "the input stays at {end:.6g}, its {word} value, for {count} samples: if that is a limit of the "
     "actuator, the record may contain the requested input instead of the limited input",
-    "no step": "the input does not step between lasting levels: {experiment}",
+    "no step": "the input does not step from one steady level to another: {experiment}",
     "moving at the end": "the output still moves at the end: the plant integrates, or the record is too short",
     # doubts about a model
     "model error": "the model error is {error:.3g} ({share:.2g} % of the movement of the output), but the noise is "
@@ -41,8 +41,8 @@ DOUBTS = {
     "fast filter": "the filter is as fast as the sample time of {sample_time:g} allows: faster sampling would allow "
     "a faster filter",
     "noise unused": "the rule {rule!r} ignores noise: noise_gain was not used",
-    "price": "price of robustness: {price:.2f} times the IAE of the design for the model alone, since the model is "
-    "uncertain; {remedy}",
+    "price": "price of robustness: the model is uncertain, so the design is robust, and its IAE is {price:.2f} times "
+    "the IAE of a design for the model alone; {remedy}",
     "long sample": "the sample time of {sample_time:g} is long for this loop: at the crossover the phase turns by "
     "{turn:.2g} rad in a sample; a sample time of {better:.2g} or less would be better",
     "filter lost": "the controller has a filter of {filter_time:.3g}, faster than the sample time of {sample_time:g}: "
@@ -56,8 +56,9 @@ DOUBTS = {
     "unstable": "the loop with the model is unstable: the controller of the log must have had other gains or units",
     "other gains": "the given gains did not compute the log's u from its y: they explain {share:.0f} % of the movement "
     "of u between samples{better}",
-    "slow disturbances": "slow disturbances make up about {share:.0f} % of the movement of u, through the feedback, "
-    "and pull the model towards -1/(controller): Ms may lie outside its interval; a larger set-point change would help",
+    "slow disturbances": "slow disturbances cause about {share:.0f} % of the movement of u, since the controller "
+    "reacts to them, and pull the model towards -1/(controller): the true Ms may lie outside the interval of Ms; a "
+    "larger set-point change would help",
 }
 
 

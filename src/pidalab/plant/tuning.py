@@ -258,7 +258,8 @@ def _noise_limits(
         moved = abs(model.record.steps[0].after - model.record.steps[0].before)
         most = DEFAULT_NOISE_SHARE * moved / model.noise
         notes.append(
-            f"noise gain at most {most:.3g}, from the record: noise moves u by 1 % of its step of {moved:g}"
+            f"noise gain at most {most:.3g}: the noise of the record then moves u by at most 1 % (standard "
+            f"deviation) of the recorded step of u, {moved:g}"
         )
         return {"noise_gain": most, "sample_time": h or model.record.sampling}
     mks = DEFAULT_MKS * _gain_needed(designed)

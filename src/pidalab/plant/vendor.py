@@ -58,7 +58,7 @@ def vendor_forms(gains: IdealGains, parts: tuple[FilteredGains, ...], time_unit:
     ki, kd = ki / unit, kd * unit
     parallel = {"Kp": kp, "Ki [1/s]": ki, "Ki [1/min]": 60 * ki, "Kd [s]": kd, "Kd [min]": kd / 60}
     if kp == 0:
-        reason = "kp is 0, and the times of these blocks are ratios to kp"
+        reason = "kp is 0, so these blocks cannot have the times Ti = kp/ki and Td = kd/kp"
         return VendorForms(reason, reason, parallel, filters)
     ti, td = gains.standard()[1:3]
     ideal = series = _with_units(kp, ti * unit, td * unit)

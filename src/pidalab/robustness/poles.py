@@ -199,7 +199,8 @@ def _of_ratio(loop: Loop) -> tuple[Any, Any]:
 def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
     """Return L = N/D and the step of Newton's method on D + N at s, computed from the factors of L."""
     from_zeros, from_poles = s[:, None] - factors.zeros, s[:, None] - factors.poles
-    # Factors of numerator and denominator are combined in pairs, since their products may overflow.
+    # Divide each factor of the numerator by a factor of the denominator before multiplying, since the product of all
+    # factors of the numerator (or denominator) may overflow.
     pairs = min(factors.zeros.size, factors.poles.size)
     value = factors.gain * np.prod(from_zeros[:, :pairs] / from_poles[:, :pairs], axis=1)
     value = value / np.prod(from_poles[:, pairs:], axis=1)

@@ -140,8 +140,8 @@ def tune(
     ----------
     model : Process or ThreePointModel
         Process with constant numerator, dead time, and three (PIDA), two (PID) or one (PI) stable poles. A
-        `ThreePointModel` is refused if its `excess_gain` is above 0.25 (25 %). The gain of the record is then so far
-        above the gain of the model that the loop with the process might be unstable.
+        `ThreePointModel` is refused if its `excess_gain` is above 0.25 (25 %). At some
+        frequencies, the recorded process then has so much more gain than the model that its loop might be unstable.
     ms : float, optional
         Maximum sensitivity, above 1, of the loop without the output filter.
     kind : {"PIDA", "PID", "PI"}, optional

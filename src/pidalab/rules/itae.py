@@ -245,7 +245,7 @@ def tune(
     Returns
     -------
     Design
-        For a PIDA `info` has the factors ``f_d`` and ``f_a``.
+        For a PIDA, `info` contains the factors ``f_d`` and ``f_a``.
 
     Raises
     ------
@@ -351,13 +351,13 @@ def load_factors(model: Process) -> Factors:
 
 
 def imc_pid(model: Process, alpha_d: float = 0.05) -> NonInteractivePIDA:
-    r"""Design a PID controller by internal model control for a first-order model with dead time, Tables 4 to 6.
+    r"""Design a PID controller by internal model control for a first-order model with dead time.
 
     .. math:: k k_c = \frac{\tau + \theta/2}{1.25\,\theta}, \qquad \tau_i = \tau + \frac{\theta}{2}, \qquad
               \tau_d = \frac{\tau\theta}{2\tau + \theta}
 
-    The paper does not print the rule. These formulas, with an IMC filter time of :math:`\theta/4`, give the paper's
-    tunings.
+    The paper does not print the rule. These formulas, with an IMC filter time of :math:`\theta/4`, give the
+    tunings in the paper's Tables 4 to 6.
 
     Parameters
     ----------

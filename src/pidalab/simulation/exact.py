@@ -115,8 +115,8 @@ def _require_agreement(
     steps = values.shape[2] - 1
     every = max(c for c in range(1, steps // FEWEST_COMPARED + 1) if steps % c == 0)
     size, all_seen = _sizes(cut, values, step, every), steps >= DENSE
-    # If `finer` is 1, all times are requested. Otherwise `every` is 1, so the compared times include all requested
-    # times.
+    # If `finer` is 1, all times are requested. Otherwise `every` is 1, and all times are compared, also the
+    # requested times.
     shown = _sizes(cut, values[:, :, ::finer], step * finer, every) if finer > 1 else size
     uncertain, beside_shown = np.zeros((len(inputs), 3)), np.zeros((len(inputs), 3))
     for unit in OTHER_UNITS:
@@ -164,7 +164,9 @@ def _in_other_units(loop: Loop, inputs: str, unit: float, n: int, step: float) -
 
 
 def _sizes(cut: Cut, values: Array, step: float, every: int) -> Array:
-    """Return the sizes by which differences are divided, at each `every`-th time: (inputs, 3, times).
+    """Return the sizes by which differences are divided, at one of every `every` times.
+
+    The shape of the result is (inputs, 3, times).
 
     Notes
     -----
@@ -465,7 +467,7 @@ def open_loop_step(process: Process, t: ArrayLike) -> Response:
 
 
 def _as_input(final: float | None, record: Response) -> Response:
-    """Turn the load of a response into its control signal."""
+    """Relabel a load response: its load becomes the control signal u."""
     finer = partial(apply_to_finer, record, partial(_as_input, final))
     return record._derived(finer, u=record.d, d=np.zeros_like(record.d), final=final)
 

@@ -1,7 +1,7 @@
 """Compute step responses of a loop with dead time, one dead time after the other (see `pidalab.simulation.exact`).
 
 The *age* of a state is the number of dead times by which it precedes the present. A *stack* is a row of states with the
-ages m - 1, ..., 1, 0. A *power* is E - I, where E is the matrix exponential of the loop over the time step * 2^p, and I
+ages m - 1, ..., 1, 0. A *power* is E - I, where E is the matrix exponential of the loop over `step` * 2^p, and I
 is the unit matrix. Here `step` is the time between requested times, p is an integer, and ``powers[i]`` has p = low + i,
 where low is the smallest p. Powers are elements of the ring in `pidalab.simulation.ring`. The *reach* of a power is the
 number of ages that the power reads.

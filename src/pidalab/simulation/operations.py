@@ -103,9 +103,9 @@ class _Compiler:
         elif mask is not None:
             self.code.append([CHOOSE, self.places[name], value, mask])
         elif value >= len(self.places) and self.places[name] not in self.code[-1][2:]:
-            # Let the last operation write its result directly to the target, except if the operation also reads the
-            # target. With many parallel loops, an operation that overwrites its own input would run without vector
-            # instructions, which is slower than the copy.
+            # Let the last operation write its result directly to the target. If the operation also reads the target,
+            # the result is copied to the target instead. With many parallel loops, an operation that overwrites its
+            # own input would run without vector instructions, which is slower than a copy.
             self.code[-1][1] = self.places[name]
         else:
             self.code.append([COPY, self.places[name], value, value])

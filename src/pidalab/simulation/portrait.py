@@ -32,7 +32,7 @@ from pidalab.simulation.sampled_lanes import LANES, MEASURES, Controllers
 from pidalab.simulation.sampled_step import Actuator, Steps, plant_steps
 
 PARAMETER_NAMES = ("kp", "kd", "ka", "ti", "filter_time")
-MOST_SETS = 10**7  # the measures of so many sets take about 2 GB
+MOST_SETS = 10**7  # the measures of this number of sets take about 2 GB
 
 
 class Bank(NamedTuple):

@@ -279,9 +279,9 @@ def transition(powers, step, low, tau, most, A, B, Cv, D):
 
     Notes
     -----
-    `powers[p]` is used `times[p]` times, and `tau` is reduced by the time of each use. Invariant: `tau` plus the sum of
-    times[p] * step * 2^(low + p) is the given time. The Taylor series spans the remaining `tau`, which is shorter than
-    the time of the shortest power. A remainder no larger than rounding errors counts as 0.
+    `powers[p]` is applied `times[p]` times. Each application reduces `tau` by step * 2^(low + p). Invariant: `tau` plus
+    the sum of times[p] * step * 2^(low + p) is the given time. The Taylor series spans the remaining `tau`, which is
+    shorter than the time of the shortest power. A remainder no larger than rounding errors counts as 0.
     """
     dust = 8.0 * 2.0**-52 * tau  # the rounding error of a multiple of the step
     times = np.zeros(len(powers), dtype=np.int64)

@@ -68,10 +68,10 @@ def _read_ages(size):
 
 @compiled
 def _longest(size, ages, power, order, most):
-    """Bound the number of ages that the outputs read after `rows` (of `output_rows`) is multiplied by a power.
+    """Return an upper bound of the ages that the outputs read after `output_rows` multiplies its matrix by a power.
 
-    The product is not computed. Instead its coefficients are bounded by sums of terms order * a * b, where a and b are
-    the largest moduli in two multiplied coefficients.
+    The product is not computed. Its coefficients are matrices. Their elements are bounded by sums of terms
+    order * a * b, where a and b are the largest moduli of the elements of the two coefficients that are multiplied.
     """
     reach, largest = power.size, size[size.shape[0] - 1]
     new = min(most, ages + reach - 1)

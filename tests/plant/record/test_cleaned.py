@@ -51,8 +51,8 @@ def test_creeping_input_is_not_a_step():
     u = np.where(t < 50, 40.0, 42.5 - np.exp(-(t - 50) / 40))
     record = Record(t, u, np.interp(t, [0, 55, 120, 600], [0.0, 0.0, 5.0, 5.0]))
     assert record.steps == ()
-    assert any("does not step between lasting levels" in doubt for doubt in record.doubts)
-    with pytest.raises(ValueError, match="no step between"):
+    assert any("does not step from one steady level to another" in doubt for doubt in record.doubts)
+    with pytest.raises(ValueError, match="no step from one steady level"):
         pidalab.identification.three_point(record)
 
 

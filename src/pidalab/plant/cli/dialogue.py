@@ -135,7 +135,7 @@ times = add_options(
     click.option("--n", default=10.0, help="The derivative's filter is td/n."),
     click.option("--m", default=10.0, help="The acceleration's filter is two lags of ta/m."),
 )
-force = click.option("--force", is_flag=True, help="Replace files that have other contents.")
+force = click.option("--force", is_flag=True, help="Overwrite files whose contents differ from the new ones.")
 out = add_options(
     click.option("--out", type=Place(file_okay=False, path_type=Path), help="Folder to write to."), force
 )

@@ -69,13 +69,13 @@ class Record:
         one value, as at the end of a sensor's range. "drop" leaves these samples out. "keep" uses them. By default a
         doubt lists them, and `identification.fit` refuses the record.
     rows : array_like, shape (n,), optional
-        Row numbers of the samples in their file, which doubts and errors name.
+        Row numbers of the samples in their file. Doubts and errors cite these numbers.
 
     Attributes
     ----------
     u_before : float
     steps : tuple of Step
-        Changes of the input between lasting levels. Empty if the input moves all the time.
+        Changes of the input from one steady level to another. Empty if the input moves all the time.
     experiment : str
         The kind of experiment, in words.
     rest : float
@@ -272,7 +272,9 @@ class Record:
             If the input does not change, or changes several times.
         """
         if not self.steps:
-            raise ValueError("the input has no step between lasting levels; use fit, which needs no step")
+            raise ValueError(
+                "the input has no step from one steady level to another; use fit, which needs no step"
+            )
         if len(self.steps) > 1:
             found = cleaning.list_steps(self.steps)
             raise ValueError(f"the input changes again after the step: {found}; keep only the first step")

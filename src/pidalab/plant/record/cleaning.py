@@ -246,7 +246,7 @@ class Step(NamedTuple):
 
 
 def find_steps(t: Array, u: Array, before: float) -> tuple[Step, ...]:
-    """Find the changes of the input between lasting levels. A ramp of a few samples is one change at its middle."""
+    """Find the changes of the input between steady levels. A ramp of a few samples is one change at its middle."""
     # Let the input before the record count as a level.
     t, u = np.append(np.full(SHORTEST_LEVEL, t[0]), t), np.append(np.full(SHORTEST_LEVEL, before), u)
     span = np.ptp(u)
