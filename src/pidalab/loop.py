@@ -89,7 +89,8 @@ class Loop:
             raise TypeError("controller must not be a Process; the order is Loop(process, controller)")
         if isinstance(process, AsymmetricPlant):
             raise TypeError(
-                "process must be linear, found an AsymmetricPlant; give its .rising and use simulate_sampled(plant=...)"
+                "process must be linear, found an AsymmetricPlant; make the Loop with its attribute `rising`, and give "
+                "the AsymmetricPlant to simulate_sampled(plant=...)"
             )
         if not isinstance(process, Process):
             process = Process(*_rational("process", process, Process))

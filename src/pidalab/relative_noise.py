@@ -1,4 +1,4 @@
-r"""Noise gain relative to the plant, which does not depend on the units of y, u and time.
+r"""Relative noise gain: a noise gain that does not depend on the units of y, u and time.
 
 White measurement noise has a new value in each sample time h. The *noise gain* of a loop is the standard deviation of u
 divided by the standard deviation of this noise. The noise gain depends on h, which is here a hundredth of the
@@ -89,7 +89,7 @@ def _without_ultimate_period(process: Process) -> NoiseScale:
     time = float(np.sum(1 / poles[poles > 0])) + process.delay
     if not time:
         raise ValueError(
-            f"process must have a time constant or a dead time, found {process!r}; otherwise give a sample time"
+            f"process must have a time constant or a dead time, found {process!r}; for this process, give a sample time"
         )
     static = float(process.num[-1] / process.den[-1 - integrators])
     return NoiseScale(time / SAMPLES, 1 / (abs(static) * time**integrators))

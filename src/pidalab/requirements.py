@@ -61,7 +61,9 @@ class Requirements:
             if getattr(self, name) is not None:
                 checked[name] = _check.real(name, getattr(self, name), above=bound)
         if self.disk is not None and checked["disk"] >= LARGEST_DISK:
-            raise ValueError(f"disk must be below {LARGEST_DISK:g} (no feedback), found {self.disk:g}")
+            raise ValueError(
+                f"disk must be below {LARGEST_DISK:g} (reached without feedback), found {self.disk:g}"
+            )
         if self.sample_time is not None and self.noise_gain is None:
             raise ValueError("sample_time needs noise_gain as well, found noise_gain=None")
         for k, plant in enumerate(self.family):

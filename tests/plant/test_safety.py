@@ -188,5 +188,5 @@ def test_refusals():
 
     worst = evaluator.worst(simc(LAGS, "PI"), [pidalab.lags(3, delay=1.5)]).ms
     requirements = LAGS, Requirements(ms=1.6, ms_worst=1.3, family=[pidalab.lags(3, delay=1.5)]), "help"
-    with pytest.raises(ValueError, match=rf"gives worst Ms {worst:.3g}, .*\(no controller.*; help"):
+    with pytest.raises(ValueError, match=rf"gives an Ms of {worst:.3g}, .*\(no controller.*; help"):
         make_safe(stubborn, evaluator, *requirements)

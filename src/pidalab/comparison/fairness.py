@@ -132,6 +132,7 @@ def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]
         low, high = high, high + 1.0
         if high > math.log(LONGEST_FILTER):
             raise ValueError(f"no filter time of this design keeps the noise gain at or below {most:g}")
-    # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So a filter time
-    # with exactly this noise gain may not exist. Use the shortest filter time that was found to keep the limit.
+    # The noise gain may jump as the filter time changes, because the largest allowed gain may jump. So there
+    # may be no filter time at which the noise gain equals its limit. Use the shortest filter time that was found to
+    # keep the limit.
     return tried[border(quiet, inside=high, outside=low, share=TIME_RTOL / high)]

@@ -18,7 +18,8 @@ LARGEST_SIGNAL = 1e9  # a sample with a larger signal is skipped
 LARGEST_PARAMETER = 1e9  # largest magnitude of a gain, if the gains may change while the controller runs
 LARGEST_CONSTANT = 1e15  # with signals up to 1e9, larger constants could overflow in single precision
 MOST_PATHS, MOST_PATH_LAGS = 40, 40  # with more paths, or more lags in a path, the code would be unreadable
-MOST_CODE_LAGS = 160  # most lags in all paths together; code grows with the square of the lags in a path
+# Largest number of lags in all paths together. The code grows with the square of the number of lags in a path.
+MOST_CODE_LAGS = 160
 SHARE_ROUNDING = 1e-6  # the sum of the two coefficients of a lag may exceed 1 by this rounding error
 
 

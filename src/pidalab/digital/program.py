@@ -252,10 +252,12 @@ def _with_integral(k: Parameters, named: dict[str, float]) -> list[Statement]:
         *_limited(named),
         *_kept(k, named),
     ]
-    more = " or with new gains" * k.tunable
+    more = " or had new gains" * k.tunable
     body: list[Statement] = [
-        Note("forced: the control signal is manual_value in manual mode, and keeps its value otherwise"),
-        Note(f"follow is true after a sample was skipped in manual mode{more}"),
+        Note(
+            "if forced, the control signal is manual_value in manual mode, and keeps its value in automatic mode"
+        ),
+        Note(f"follow is true after a skipped sample that was in manual mode{more}"),
         Set("forced", "manual or follow"),
         *([If("retuned", [Set("forced", "true")])] if k.tunable else []),
         If("not started", [Set("forced", "true")]),

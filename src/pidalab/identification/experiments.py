@@ -199,8 +199,8 @@ def ipdt_tangent(
         Length of the segment in time, rounded to whole steps of t. By default a third of the rise time for a Record
         with noise, and otherwise one step of t. If the segment is one sample interval h, the relative errors of slope
         and dead time are of the order of h^2. If the record is steepest at a corner, these errors are of the order of
-        h. If arrays contain noise, give a longer `span`. A line is then fitted to all samples of the span by least
-        squares.
+        h. If t and y are given as arrays and y is noisy, give a longer `span`. A line is then fitted to all samples of
+        the span by least squares.
 
     Returns
     -------
@@ -320,9 +320,9 @@ def ipdt_least_squares(
     step : float, optional
         Change of the input, not 0. By default 1.
     rise : float, optional
-        Fraction of the whole change, between 0 and 1. From the smallest t_1 on, the output stays at or above this
-        fraction. The fraction must be large compared with the noise. If the fraction is small and the output is
-        steepest at its beginning, the gain may approach the gain from `ipdt_tangent`.
+        Fraction of the whole change, between 0 and 1. The smallest t_1 that is tried is the time from which on
+        the output stays at or above this fraction. The fraction must be large compared with the noise. If the fraction
+        is small and the output is steepest at its beginning, the gain may approach the gain from `ipdt_tangent`.
 
     Returns
     -------

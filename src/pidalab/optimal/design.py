@@ -40,8 +40,8 @@ NEGLIGIBLE_ACTION = 1e-6  # an action is dropped if it is below this number time
 # limit needs large factors.
 UNITS_TRIED = (1.0, 8.0, 64.0, 512.0)
 SLOWEST_SAMPLING = 100.0  # largest allowed sample time, divided by the `unit_of_time` of the process
-# The search computes the IAE over a horizon that is proportional to the unit of time. If the simulated IAE is higher by
-# this fraction of itself or more, the horizon is too short.
+# The search computes the IAE over a horizon that is proportional to the unit of time. The horizon is too short if
+# the simulated IAE exceeds the IAE of the search by at least this fraction of the simulated IAE.
 SAME_IAE = 0.02
 VALLEY_REACH = 2.0  # local optima are reported if their IAE is below this number times the best IAE
 BEST = 3  # largest number of descents whose results are refined
@@ -106,7 +106,7 @@ def load(
         Largest allowed maximum sensitivity with each plant of the family, above 1.
     start : Design, optional
         A design of this function for the same process and order. The search starts from this design. It uses other
-        starts only if it finds no controller for the process alone from this design.
+        starts only if this start leads to no controller, not even for the process without the family.
 
     Returns
     -------

@@ -43,7 +43,7 @@ from pidalab.roots import roots
 
 SEARCH_SAMPLES = 2048  # number of samples of a response
 DAMPING = 3.0  # the inverse transform runs along Re s = DAMPING / horizon
-# Without a penalty, the integral of y over the horizon may exceed the exact integral of y by this fraction.
+# A penalty applies if the integral of y over the horizon exceeds the exact integral of y by more than this fraction.
 REST = 1e-3
 
 GAIN_UNITS = (0.1, 1.0)  # least and largest scale factor of a gain in a descent
@@ -459,9 +459,9 @@ def unit_of_time(process: Process, limits: Requirements) -> float:
 
 
 def _loudest(process: Process, limits: Requirements, w: Array) -> float:
-    """Return the frequency up to which limits on noise permit control, or infinity if there is none.
+    """Return the highest frequency of `w` at which the limits on noise permit control.
 
-    Control needs |C S| near 1/|P|.
+    Control needs |C S| near 1/|P|. If the limits permit control at no frequency, return infinity.
     """
     asked = 1 / np.abs(process(1j * w))
     able = np.ones(w.size, dtype=bool)

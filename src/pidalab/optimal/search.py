@@ -1,4 +1,4 @@
-"""Run descents under limits, and choose their starts, for `pidalab.optimal`.
+"""Minimise the IAE under limits by local searches (descents), and choose their starts, for `pidalab.optimal`.
 
 The starts are chosen from two families of candidates. The first family consists of PI and PID controllers with several
 filter times. The second family is for plants that cannot be stabilised without derivative or acceleration. Each of its
@@ -49,7 +49,7 @@ NEARLY = 1e-4  # allowed violation of a limit during the search
 ROUGH, FINE = (25, 1e-5), (60, 1e-8)  # (iterations, tolerance) of intermediate and final descents
 # A descent is long if it lowers log IAE by more than LONG_DESCENT. Then another descent follows, up to AGAIN in all.
 AGAIN, LONG_DESCENT = 4, 0.2
-FINER = 12  # the final noise gain is computed with this many times the frequencies of the search
+FINER = 12  # (frequencies for the final noise gain) / (frequencies for the noise gain of the search)
 
 
 class Search:
@@ -94,7 +94,8 @@ class Search:
         """
         count, constraints = self.problem.gains, self.constraints()
         best, least = first, np.inf
-        # For the gain of a derivative, the order of this derivative. For all other unknowns, 0.
+        # Each unknown is multiplied by a power of `share`. For the gain of a derivative, the exponent is the order of
+        # this derivative. For all other unknowns, the exponent is 0.
         powers = np.clip(np.arange(x.size) - 1.0, 0.0, None) * (np.arange(x.size) < count)
         for start in (first.copy(), *(x * share**powers for share in (1.0, 0.6, 0.3, 0.1))):
             start[count] = filter_time
@@ -176,7 +177,7 @@ class Search:
         return (float(np.exp(value)), end, violation) if ok else (np.inf, start, np.inf)
 
     def loop(self, x: Array) -> Loop:
-        """Return the loop with the controller of a vector of unknowns."""
+        """Return the loop whose controller has the unknowns x."""
         gains, time = self.problem.controller(x)
         return Loop(self.problem.process, HighOrderPID(gains.tolist(), time, self.problem.order + 1))
 
@@ -247,11 +248,13 @@ FILTERS = (-4.0, -2.0, 0.0)
 CROSSOVERS = np.geomspace(0.02, 5.0, 9)
 ZEROS_BELOW = (3.0, 8.0, 25.0)
 FILTER_ABOVE = (5.0, 30.0, 200.0)
-INSIDE = -1e-3  # `relax` stops when no violation is above this, so that every limit holds with a small margin
+# `relax` reduces the largest violation to this value, but not further. A violation of -1e-3 is a slack of 1e-3, so all
+# limits then hold with a small margin.
+INSIDE = -1e-3
 TRIED = 60  # number of candidates whose stability is checked
 # Largest number of starts, and least distance between two starts (see `_apart`).
 STARTS, START_GAP = 6, np.log(4.0)
-NEAREST = 4  # `approached` tries to reach the limits from this number of candidates
+NEAREST = 4  # `approached` tries to move this number of candidates until they keep all limits
 
 
 def feasible_starts(search: Search) -> list[Array]:

@@ -81,7 +81,10 @@ class Check:
 
     @cached_property
     def rows(self) -> tuple[DesignRow, ...]:
-        """Rows for the running gains, the best gains of equal kind, Ms and noise gain, and three suggested sets."""
+        """Rows for the running gains, for the best gains, and for three suggested sets of gains.
+
+        The best gains have the same kind, Ms and noise gain as the running gains.
+        """
         gains = self.design.controller.gains()
         kind = KINDS[2 if gains.ka else 1 if gains.kd else 0]
         now = measure_candidate(self.design, "now", kind, self.fit)
@@ -105,10 +108,11 @@ class Check:
 
     @property
     def loss(self) -> float:
-        """Excess of the IAE of a load step over the IAE of the best gains of equal kind, Ms and noise gain, in %.
+        """By how many per cent the IAE of a load step is larger with the running gains than with the best gains.
 
-        The loss is negative if the running gains are better than all gains that the search found. This is possible,
-        since the search uses no filter faster than the sample time. If the search found no gains, the loss is nan.
+        The best gains are those of `rows`. The loss is negative if the running gains are better than all gains that the
+        search found. This is possible, since the search uses no filter faster than the sample time. If the search found
+        no gains, the loss is nan.
         """
         iae = {row.rule: row.iae for row in self.rows}
         return 100 * (iae["now"] / iae.get("best like it", math.nan) - 1)

@@ -1,4 +1,4 @@
-"""Make designs that are safe in the real loop, with the model and with other plants that the model allows.
+"""Make designs that are safe in the real loop, with the model and with other plants within its uncertainty.
 
 The *real loop* is the loop with the sample time and the output filter with which the controller will run.
 """
@@ -153,10 +153,10 @@ def _next(request: float, result: float, limit: float, active: bool) -> float:
 
 def refusal(limits: Requirements, remedy: str, worst: float, more: str = "") -> ValueError:
     """Return the error for a model that is too uncertain."""
-    result = f"worst Ms {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
+    result = f"an Ms of {worst:.3g}" if math.isfinite(worst) else "an unstable loop"
     return ValueError(
-        f"the model is too uncertain for this controller: a plant of its spread gives {result}, where "
-        f"ms_worst = {limits.ms_worst:g} is allowed{more}; {remedy}"
+        f"the model is too uncertain for this controller: a plant within the uncertainty of the model gives {result}, "
+        f"but at most ms_worst = {limits.ms_worst:g} is allowed{more}; {remedy}"
     )
 
 

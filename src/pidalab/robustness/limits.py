@@ -61,7 +61,8 @@ LARGEST_MULTIPLIER = 1e3  # (largest multiplier without a reset) / (longest time
 BELOW_RESET = 1 - 1e-6  # largest multiplier with a reset, divided by T_i
 # The search for a multiplier ends if it can raise the margin by at most this relative amount.
 MARGIN_RTOL = 1e-9
-# Largest number of multipliers that are tried, and largest (next multiplier) / (largest multiplier so far).
+# At most MOST_MULTIPLIERS multipliers are tried. Each is at most FURTHER times the largest multiplier before it, except
+# as described in `popov`.
 MOST_MULTIPLIERS, FURTHER = 60, 4.0
 
 

@@ -120,8 +120,8 @@ def filter_ratio(m: int, n: int) -> float:
 
     The filter and the dead time T_e are equivalent if the loop of an integrator and the filter has the same dominant
     pole as the loop of an integrator and the dead time. The dominant pole is the place of m + 3 equal poles. For n = m
-    the loop with the filter has only m + 2 poles. In this case eq. (9) gives the pole of the filter, -1/T_f, which
-    therefore equals the dominant pole of the loop with the dead time.
+    the loop with the filter has only m + 2 poles. In this case eq. (9) gives the pole of the filter, -1/T_f, and T_f
+    is chosen so that this pole equals the dominant pole of the loop with the dead time.
 
     Parameters
     ----------

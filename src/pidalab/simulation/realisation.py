@@ -75,9 +75,9 @@ def times_ring_function(
 ) -> Array:
     r"""Return (row + direct W) H(A(z)) for a fraction H: one row of coefficients for each age of the state x.
 
-    The input of H is the signal row x + direct W, where W are the delayed signals. H is much faster than this signal.
-    The algorithm of `times_function` is applied to the matrix :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v` of the
-    loop.
+    The input of H is the signal ``row @ x + direct @ W``, where W are the delayed signals. H is much faster than this
+    signal. The algorithm of `times_function` is applied to the matrix of the loop, :math:`\mathcal A(z) = A + B (1 - z
+    D)^{-1} z C_v`.
     """
     A, B, Cv, D = delayed
     if not dead_time:
@@ -148,7 +148,7 @@ class Cut(NamedTuple):
     # (ages, n), coefficients of x(t), x(t - delay), ... in u after the fast part of u has settled. There are no rows if
     # no fast part is kept out of the process.
     settled_u: Array
-    settling: float  # the fast part settles within this time after a multiple of the delay
+    settling: float  # after each multiple of the delay, the fast part settles within this time
 
 
 class _Blocks(NamedTuple):

@@ -88,10 +88,10 @@ def simulate_sampled(
         general :math:`k_p` is :math:`C(s) - k_i/s` at s = 0. ("reset" and "back-calculation" are options of
         ``controller.discretise``. A digital controller uses its own anti-windup.)
     quanta : tuple of float, optional
-        Resolution of the measurement and of the control signal, relative to the state of rest. 0 means unlimited.
-        Values are rounded to the nearest multiple, and values halfway between two multiples to the even multiple. The
-        limits are not rounded. An automatic reset or an integral uses the limited signal before rounding. With the
-        rounded signal, the reset or the integral could stop too early.
+        Resolution of the measurement and of the control signal. 0 means unlimited. The deviation of a signal from the
+        state of rest is rounded to the nearest multiple of its resolution, and halfway between two multiples to the
+        even multiple. The limits are not rounded. An automatic reset or an integral uses the limited signal before
+        rounding. With the rounded signal, the reset or the integral could stop too early.
     pulse_widths : int, optional
         Number of pulse widths for pulse width modulation, not counting the width 0. In each sample the actuator is at
         the upper limit during the pulse, and then at the lower limit. The width of the pulse is a multiple of

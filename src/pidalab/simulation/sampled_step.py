@@ -230,7 +230,7 @@ def run(
     """Run the loop for a filtered set point. Return y, u and the integral of y, relative to the state of rest.
 
     The controller consists of a block that acts on the error, and the operations of a step. `rest` holds the
-    measurement and the control signal at rest, `y_offset` and `bias`.
+    measurement at rest (`y_offset`) and the control signal at rest (`bias`).
 
     Notes
     -----

@@ -275,7 +275,9 @@ def test_several_traces_are_refused(tmp_path, columns):
     text = "\n".join(
         line for name in ("Set point", "Speed") for line in [head[0].format(name), *head[1:], *rows]
     )
-    with pytest.raises(ValueError, match=r"row 66: words.*numbers again from row 71 on.*several traces"):
+    with pytest.raises(
+        ValueError, match=r"row 66: found words.*numbers again from row 71 on.*several traces"
+    ):
         Record.read_csv(write(tmp_path, text), **columns)
 
 

@@ -33,7 +33,7 @@ record = dialogue.add_options(
     click.option("--skip", default=0, help="Lines to leave out at the beginning."),
     click.option("--u-before", type=float, help="u before the step, if the record begins with the step."),
     click.option("--outliers", type=click.Choice(["drop", "keep"]), help="Treatment of outlying outputs."),
-    click.option("--run", type=int, help="Run to read (1 is the first), if the time restarts."),
+    click.option("--run", type=int, help="Number of the run to read, from 1, if the time restarts."),
     click.option("--model", default="auto", type=click.Choice(MODEL_WORDS), help="Model to fit."),
 )
 design = dialogue.add_options(
@@ -51,9 +51,11 @@ code = dialogue.add_options(
     click.option("--rate-limit", type=ABOVE, default=math.inf, help="Largest change of u in a unit of time."),
     click.option("--deadband", type=FROM_ZERO, default=0.0, help="Error in y that is ignored."),
     click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="How to prevent windup."),
-    click.option("--feedforward", is_flag=True, help="Code with an input that is added to u."),
+    click.option(
+        "--feedforward", is_flag=True, help="Give the code a feedforward input, which is added to u."
+    ),
     click.option("--float", "single", is_flag=True, help="C code in single precision."),
-    click.option("--tunable", is_flag=True, help="Code with gains that may change while it runs."),
+    click.option("--tunable", is_flag=True, help="Allow the gains to change while the code runs."),
 )
 
 

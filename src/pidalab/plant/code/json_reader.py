@@ -111,5 +111,5 @@ def _no_number(word: str) -> NoReturn:
 def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"{text:.40} is beyond double precision")
+        raise ValueError(f"{text:.40} is too large for double precision")
     return number

@@ -31,8 +31,9 @@ MODELS = (*FIRST_TRIED, *THEN, "auto")
 SURPLUS = 1.1  # further models are tried if residuals / noise is above this
 WORKING_POINT = 0.15  # assumed relative change of the gain at another working point
 HIGHER = 0.75  # probability that the gain of a random plant is raised; otherwise it is lowered
-# A record is refused if the best identifiable model fits much worse than the best model: if its residuals exceed
-# UNSETTLED times `near` of the best model.
+# A record is refused if the best identifiable model fits much worse than the best model of all. This is the case if its
+# residuals exceed UNSETTLED * `near`, where `near` is the level of residuals up to which a model counts as equally good
+# as the best model.
 UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
@@ -148,7 +149,8 @@ class Fit:
                     continue
                 earlier = rng.uniform(0.0, self._data.unseen)
                 plants.append(shape.process(drawn[0], drawn[1:-1].tolist(), float(drawn[-1]) + earlier))
-            # Few draws are below the limit if parameters are strongly correlated. Then draw closer to the model.
+            # If parameters are strongly correlated, few draws have a sum of squared residuals below the limit. Then
+            # draw closer to the model.
             shrunk *= 0.8
         return plants
 

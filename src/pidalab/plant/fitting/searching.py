@@ -360,7 +360,8 @@ def loaded(data: FitData) -> FitData:
 def rivals(data: FitData, result: FitResult) -> tuple[tuple[Shape, Array], ...]:
     """Return models with a further lag that fit the record nearly as well as the fitted model.
 
-    If the fitted model has equal lags, also add a further lag to a second-order model. Its response is almost the same.
+    If the fitted model has equal lags, also fit a second-order model and add a further lag to it, since a second-order
+    model has almost the same response as equal lags.
     """
     span = data.t[-1] - float(data.change_times[0])
     hidden = _hidden(data, result, span, result.near)

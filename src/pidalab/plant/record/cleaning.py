@@ -16,8 +16,9 @@ from pidalab.plant.doubts import doubt
 
 # Least number of samples in a record or a run. With fewer samples, the tests for outliers and feedback are skipped.
 FEWEST = 20
-# The time may be a counter that restarts, such as the seconds of a minute. This is assumed only if, with the counter
-# continued, the samples before and after each restart are at most this number of median intervals apart.
+# The time may be a counter that restarts, such as the seconds of a minute. To continue the counter, its period is added
+# at each restart. A counter is assumed only if the samples before and after each restart are then at most this number
+# of median intervals apart.
 LONGEST_WRAP = 10
 # A new run may begin where the time goes back by more than this number of median intervals. Where it goes back by less,
 # the samples are only out of order.

@@ -33,8 +33,9 @@ DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%Y-%m-%d", "%d-%b-%Y",
 CLOCKS = ("%H:%M:%S.%f", "%H:%M", "%I:%M:%S.%f %p", "%I:%M %p")
 STAMPS = ("ISO8601", *(f"{date} {clock}".strip() for date in DATES for clock in CLOCKS))
 DAY = 86400.0  # seconds
-# Units of time, and their number in a second. Times are assumed to count from 1970, in the first of these units in
-# which they exceed 1e8 s (the year 1973).
+# Units of time, and their number in a second, in the order in which they are tried. If the largest time exceeds 1e8 s
+# (the year 1973) in a unit, the times are assumed to count from 1970 in this unit. For seconds, the smallest time must
+# also exceed 1e8 s, and the column must not name another unit.
 EPOCHS = {"nanoseconds": 1e9, "microseconds": 1e6, "milliseconds": 1e3, "s": 1.0}
 UNIT = re.compile(
     r"(?:^|[\W_])(?:(s|sec|secs|seconds?)|(ms|msec|millis|milliseconds?|us|µs|ns|min|minutes?|hours?|h))\W*$",
@@ -46,7 +47,7 @@ SAMPLE = 50
 LONGEST_ROW, MOST_COLUMNS = 100_000, 2000  # most characters in a row, and most columns in a file
 
 
-# Columns for roles that the header does not name, or names several times.
+# Column of each role, which is used if the header has no column with the name of the role, or several.
 PLACES = {"time": 0, "u": 1, "y": 2}
 
 
@@ -78,7 +79,8 @@ def read_columns(
     wanted : mapping of str to str, int or None
         The keys are the roles "time", "u" and "y". Each value is the name of a column in the header, or its number from
         0. If the value is None, the column named like the role is used. If no column or several columns have this name,
-        column 0 (time), 1 (u) or 2 (y) is used, and a doubt says so if the file has more than three columns.
+        column 0 (time), 1 (u) or 2 (y) is used. If the file has more than three columns, an entry of `doubts` then
+        names the assumed column.
     delimiter : str or None
         Text between the columns. A text of several characters is a regular expression. If None, the delimiter is
         detected.
@@ -156,9 +158,9 @@ def read_columns(
         where, again = f"{path.name}, row {row[k]}", k + int(np.argmax(good[k:]))
         if again > k + 1:
             raise ValueError(
-                f"{where}: words, such as {column[k][:QUOTED]!r}, and numbers again from row {row[again]} on. The file "
-                "has several traces, one below the other: put them side by side, with one column of times, or keep "
-                "only the part that has time, input and output"
+                f"{where}: found words, such as {column[k][:QUOTED]!r}, and numbers again from row {row[again]} on. "
+                "The file has several traces, one below the other: put them side by side, with one column of times, or "
+                "keep only the part that has time, input and output"
             )
         kind = "a number or a date" if timed and column is entries[0] else "a number"
         raise ValueError(
