@@ -321,8 +321,9 @@ def ipdt_least_squares(
         Change of the input, not 0. By default 1.
     rise : float, optional
         Fraction of the whole change, between 0 and 1. The smallest t_1 that is tried is the time from which on
-        the output stays at or above this fraction. The fraction must be large compared with the noise. If the fraction
-        is small and the output is steepest at its beginning, the gain may approach the gain from `ipdt_tangent`.
+        the output stays at or above this fraction, or the time of the fifth sample if that is later. The fraction must
+        be large compared with the noise. If the fraction is small and the output is steepest at its beginning, the gain
+        may approach the gain from `ipdt_tangent`.
 
     Returns
     -------

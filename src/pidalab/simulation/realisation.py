@@ -76,8 +76,8 @@ def times_ring_function(
     r"""Return (row + direct W) H(A(z)) for a fraction H: one row of coefficients for each age of the state x.
 
     The input of H is the signal ``row @ x + direct @ W``, where W are the delayed signals. H is much faster than this
-    signal. The algorithm of `times_function` is applied to the matrix of the loop, :math:`\mathcal A(z) = A + B (1 - z
-    D)^{-1} z C_v`.
+    signal. The algorithm of `times_function` is applied to the matrix of the loop,
+    :math:`\mathcal A(z) = A + B (1 - z D)^{-1} z C_v`.
     """
     A, B, Cv, D = delayed
     if not dead_time:

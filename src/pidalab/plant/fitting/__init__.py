@@ -31,9 +31,9 @@ MODELS = (*FIRST_TRIED, *THEN, "auto")
 SURPLUS = 1.1  # further models are tried if residuals / noise is above this
 WORKING_POINT = 0.15  # assumed relative change of the gain at another working point
 HIGHER = 0.75  # probability that the gain of a random plant is raised; otherwise it is lowered
-# A record is refused if the best identifiable model fits much worse than the best model of all. This is the case if its
-# residuals exceed UNSETTLED * `near`, where `near` is the level of residuals up to which a model counts as equally good
-# as the best model.
+# A record is refused if the best identifiable model fits much worse than the best model of all, which may not be
+# identifiable. The largest accepted residuals of the identifiable model are UNSETTLED * `near` of the best model. Up to
+# the residuals `near`, a model counts as equally good as the best model.
 UNSETTLED = 1.05
 MOVED = 0.05  # an input moves if it changes by more than this share of its span
 MOST_UNEXPLAINED = 0.5  # largest (model error) / (standard deviation of the output)
