@@ -256,7 +256,7 @@ class Ledger:
             raise
         if relation.is_identity and kept.verdict == "holds":  # the digits depend on the machine
             return f"holds: largest residual ≤ {relation.right}"
-        remark = re.sub(r"( in \d+ of \d+):.*", r"\1", kept.remark)  # without the list of cases
+        remark = re.sub(r"( in \d+ of \d+) .*", r"\1", kept.remark)  # without the list of cases
         return f"{kept.verdict}: {kept.shown()}" + (f" ({remark})" if remark else "")
 
     def _handed(self, id: str, statement: bool, digits: int) -> Row:

@@ -166,7 +166,9 @@ def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
     anchor = row.id.replace(".", "-")  # in a CSS selector, a dot would begin a class
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
-        said = "".join(f"<p>{markup(line)}</p>" for line in (row.note, *row.made.split(" | ")) if line)
+        made = re.sub(r"\bfit: (.*?) from (.*? numbers?)", r"\1 fitted to \2", row.made)
+        made = made.replace("count: ", "count or grid value: ").replace("page: ", "formula of the page: ")
+        said = "".join(f"<p>{markup(line)}</p>" for line in (row.note, *made.split(" | ")) if line)
         if anchored:  # readers can copy the id to cite the row
             cite = f"To cite: row {escape(row.id)} of the account of pidalab"
             said += f'<p class="row-cite">{cite}, <a href="#{anchor}">with this address</a></p>'
@@ -240,9 +242,8 @@ def score_line(name: str, counts: Mapping[str, int]) -> str:
 def scorebar(name: str, counts: Mapping[str, int], legend: bool = False) -> Display:
     """Show a score as a bar, optionally with a legend. Screen readers read the text of `score_line`."""
     line, shown = score_line(name, counts), {kind: count for kind, count in counts.items() if count}
-    total = sum(counts.values())
     parts = "".join(
-        f'<span class="verdict-{kind}" style="width:{100 * count / total:.2f}%"></span>'
+        f'<span class="verdict-{kind}" style="width:{100 * count / sum(counts.values()):.2f}%"></span>'
         for kind, count in shown.items()
     )
     bar = f'<div class="scorebar" role="img" aria-label="{escape(line)}">{parts}</div>'

@@ -354,8 +354,8 @@ class Relation:
     def words(self) -> str:
         """The relation in words for a reader."""
         sides = (self.left, SIGNS[self.sign][1], self.right) if self.left or self.right else ()
-        said = (" ".join(filter(None, sides)), self.convention, "in some case" * self.some)
-        return ", ".join(filter(None, said))
+        named = f"by the convention “{self.convention}”" if self.convention else ""
+        return ", ".join(filter(None, (" ".join(sides).strip(), named, "in at least one case" * self.some)))
 
     def decide(self, cases: Cases, digits: int = DIGITS, strict: bool = True) -> "Evidence":
         """Find the case that decides the statement: the worst case, or the best case if one case is enough.
@@ -428,7 +428,7 @@ class Relation:
         for word, group in zip(("holds", "fails"), groups, strict=True):
             names = "; ".join(group).replace("{", "{{").replace("}", "}}")
             relation = replace(self, parts=(), some=word == "fails")
-            which = f"{word} in {len(group)} of {len(pairs)}: {names}"
+            which = f"{word} in {len(group)} of {len(pairs)} ({names})"
             decisive.append(relation._evidence(group, digits, which))
         return replace(decisive[0], but=decisive[1])
 
@@ -575,8 +575,7 @@ class Evidence:
 
 
 def _name(key: object) -> str:
-    words = ", ".join(map(str, key)) if isinstance(key, tuple) else str(key)
-    return words.replace("|", "/")
+    return (", ".join(map(str, key)) if isinstance(key, tuple) else str(key)).replace("|", "/")
 
 
 def _belongs(name: str, part: str) -> bool:

@@ -205,8 +205,8 @@ PARTS = {
 def test_a_statement_that_holds_in_part(declared):
     evidence = Relation.parse(f"A < B | {declared}").decide(PARTS)
     assert str(evidence) == (
-        "1.500000000 < 2.000000000 | holds in 2 of 4: load, Ms 1.4; load, Ms 2; ratio 0.50 to 0.75 || "
-        "3.000000000 < 2.000000000 | fails in 2 of 4: quiet; loud; ratio 1.5 to 2.5"
+        "1.500000000 < 2.000000000 | holds in 2 of 4 (load, Ms 1.4; load, Ms 2); ratio 0.50 to 0.75 || "
+        "3.000000000 < 2.000000000 | fails in 2 of 4 (quiet; loud); ratio 1.5 to 2.5"
     )
     assert evidence.verdict == "holds-in-part"
     assert evidence.shown() == "1.500 < 2.000; 3.000 ≮ 2.000"
