@@ -61,7 +61,7 @@ class Parameters:
             raise TypeError(f"source must be a text, found {type(self.source).__name__}")
         if not isinstance(self.paths, tuple) or len(self.paths) > MOST_PATHS:
             raise TypeError(
-                f"paths must be a tuple of at most {MOST_PATHS} FilterChain, found {self.paths!r:.60}"
+                f"paths must be a tuple of up to {MOST_PATHS} FilterChain, found {self.paths!r:.60}"
             )
         checked["paths"] = tuple(_path(f"paths[{i}]", path) for i, path in enumerate(self.paths))
         if (lags := sum(path.order for path in checked["paths"])) > MOST_CODE_LAGS:

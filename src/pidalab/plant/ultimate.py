@@ -103,9 +103,7 @@ def relay_oscillation(t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Oscillation:
     high = u > middle
     between = np.abs(u - middle) < 0.4 * float(np.ptp(u))
     if np.ptp(u) == 0 or np.mean(between) > SETTLED:
-        raise ValueError(
-            "u must switch between two levels like a relay: choose the relay's output as u (--u)"
-        )
+        raise ValueError("u must switch between two levels like a relay: choose the relay's output (--u)")
     rises = np.flatnonzero(high[1:] & ~high[:-1]) + 1
     cycles = min(rises.size - 1, 5)
     if cycles < FEWEST_CYCLES:

@@ -220,7 +220,7 @@ def from_factors(factors: LoopFactors, at_zero: float = math.nan) -> AxisInS:
 
 
 def _towards_far_crossovers(factors: LoopFactors, w: Array, num: Any, den: Any) -> list[Array]:
-    """Return two arrays of frequencies, below and above the grid, so that the grid contains the estimated crossings of |L| = 1.
+    """Return two arrays of frequencies, below and above the grid, up to the estimated far crossings of |L| = 1.
 
     Beyond the grid |L| is nearly a power of w. Return an empty list if the grid is wide enough.
     """

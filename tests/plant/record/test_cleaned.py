@@ -52,7 +52,7 @@ def test_creeping_input_is_not_a_step():
     record = Record(t, u, np.interp(t, [0, 55, 120, 600], [0.0, 0.0, 5.0, 5.0]))
     assert record.steps == ()
     assert any("does not step from one steady level to another" in doubt for doubt in record.doubts)
-    with pytest.raises(ValueError, match="no step from one steady level"):
+    with pytest.raises(ValueError, match="no step between steady levels"):
         pidalab.identification.three_point(record)
 
 

@@ -51,9 +51,7 @@ code = dialogue.add_options(
     click.option("--rate-limit", type=ABOVE, default=math.inf, help="Largest change of u in a unit of time."),
     click.option("--deadband", type=FROM_ZERO, default=0.0, help="Error in y that is ignored."),
     click.option("--anti-windup", type=click.Choice(ANTI_WINDUP_WORDS), help="How to prevent windup."),
-    click.option(
-        "--feedforward", is_flag=True, help="Give the code a feedforward input, which is added to u."
-    ),
+    click.option("--feedforward", is_flag=True, help="Give the code an input that is added to u."),
     click.option("--float", "single", is_flag=True, help="C code in single precision."),
     click.option("--tunable", is_flag=True, help="Allow the gains to change while the code runs."),
 )

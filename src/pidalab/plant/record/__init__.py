@@ -272,9 +272,7 @@ class Record:
             If the input does not change, or changes several times.
         """
         if not self.steps:
-            raise ValueError(
-                "the input has no step from one steady level to another; use fit, which needs no step"
-            )
+            raise ValueError("the input has no step between steady levels; use fit, which needs no step")
         if len(self.steps) > 1:
             found = cleaning.list_steps(self.steps)
             raise ValueError(f"the input changes again after the step: {found}; keep only the first step")
