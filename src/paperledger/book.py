@@ -1,4 +1,4 @@
-"""Define `Ledger`, with which the pages of a paper compare printed and computed results."""
+"""Define `Ledger`, with which the notebooks on a paper compare its printed results with computed ones."""
 
 import json
 import re
@@ -247,7 +247,7 @@ class Ledger:
             row = self._handed(id, True, digits)
             with naming(row.id):
                 relation = Relation.parse(row.relation)
-                # A case need not hold or fail as declared if values are only recorded, as in `paperledger.shake`.
+                # If values are only recorded, as in `paperledger.shake`, a case may differ from its declared result.
                 evidence = relation.decide(cases, digits, strict=not self.records)
             fresh = replace(row, computed=evidence.verdict, evidence=str(evidence))
             kept = Evidence.parse(self._take(fresh).evidence)

@@ -1,4 +1,4 @@
-"""Derive verdicts on printed numbers and on statements from computed numbers.
+"""From computed numbers, derive verdicts on printed numbers and on statements.
 
 Numbers are compared as decimals, not as floats. The decimal ``1.005`` lies halfway between ``1.00`` and ``1.01``, but
 the nearest float does not.
@@ -175,7 +175,7 @@ def tolerance(note: str, printed: Decimal) -> Decimal | None:
     if width < unit(printed) / 2:  # a value that rounds to the printed number could otherwise be refused
         raise LedgerError(f"the tolerance {width} is finer than the printed digits of {printed}")
     if width > max(WIDEST * abs(printed), unit(printed) / 2):
-        raise LedgerError(f"the tolerance {width} is wider than 5 % of {printed}; declare differs instead")
+        raise LedgerError(f"the tolerance {width} is wider than 5 % of {printed}; declare 'differs' instead")
     return width
 
 
@@ -610,7 +610,7 @@ def _ratios(pairs: list[Pair]) -> str:
 
 
 def _two_digits(ratio: float) -> str:
-    """Round a ratio to two digits, or to up to five so that it differs from 1. Write extreme ratios as bounds."""
+    """Round a ratio to two digits, or to at most five if it would otherwise be 1. Write extreme ratios as bounds."""
     if not 1e-3 <= ratio <= 1e3:
         return "under 0.001" if ratio < 1 else "over 1000"
     digits = next((n for n in range(2, 6) if float(f"{ratio:.{n}g}") != 1), 2)

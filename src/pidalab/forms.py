@@ -94,10 +94,10 @@ class IdealGains(NamedTuple):
         >>> IdealGains(ki=1.0, kp=0.0, kd=0.0, ka=0.0).standard()
         Traceback (most recent call last):
         ...
-        ValueError: no standard form: kp is 0, and the time constants are ratios to kp
+        ValueError: no standard form: kp is 0, so ti = kp/ki and td = kd/kp do not exist
         """
         if self.kp == 0:
-            raise ValueError("no standard form: kp is 0, and the time constants are ratios to kp")
+            raise ValueError("no standard form: kp is 0, so ti = kp/ki and td = kd/kp do not exist")
         ti = self.kp / self.ki if self.ki else math.inf
         return StandardForm(self.kp, ti, self.kd / self.kp, self.ka / self.kp)
 
