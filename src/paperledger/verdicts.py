@@ -5,8 +5,8 @@ the nearest float does not.
 
 A statement has a relation, such as ``IAE of the PIDA < IAE of the PID | clearly``. Here *clearly* requires that the
 left side is below 0.8 times the right side. The evidence of a statement is the inequality between computed numbers
-that decides the statement: ``6.528000000 < 0.8 * 10.00000000 | worst of 4: ex2, Ms 1.4; ratio 0.31 to 0.65``. In this
-example the worst of four cases decides. Its name is ``ex2, Ms 1.4``.
+that decides the statement: ``6.528000000 < 0.8 * 10.00000000 | worst of 4 cases: ex2, Ms 1.4; ratio from 0.31 to
+0.65``. In this example the worst of four cases decides. Its name is ``ex2, Ms 1.4``.
 """
 
 import operator
@@ -130,7 +130,7 @@ def shorten(text: str, digits: int) -> str:
 def same_text(old: str, new: str) -> bool:
     """Return True if two texts have equal words and integers, and if `agrees` is true for their decimal numbers.
 
-    >>> same_text("worst of 2: a; ratio 0.31", "worst of 2: a; ratio 0.32"), same_text("2 of 10", "3 of 10")
+    >>> same_text("worst of 2 cases: a; ratio 0.31", "worst of 2 cases: a; ratio 0.32"), same_text("2 of 10", "3 of 10")
     (True, False)
     """
     if _INNER.sub("", old) != _INNER.sub("", new):
@@ -290,7 +290,7 @@ class Relation:
     >>> relation.left, relation.convention, relation.some
     ('IAE of the PIDA', 'clearly', False)
     >>> print(relation.decide({"Ms 1.4": (0.7, 1.0), "Ms 2.0": (0.5, 1.0)}))
-    0.7000000000 < 0.8 * 1.000000000 | worst of 2: Ms 1.4; ratio 0.50 to 0.70
+    0.7000000000 < 0.8 * 1.000000000 | worst of 2 cases: Ms 1.4; ratio from 0.50 to 0.70
     """
 
     left: str
@@ -397,7 +397,7 @@ class Relation:
         if self.parts:
             return self._in_part(pairs, digits, strict)
         best = "best" if self.some else "worst"
-        which = f"{best} of {len(pairs)}: {{}}" if named is cases else ""
+        which = f"{best} of {len(pairs)} case{'s' * (len(pairs) > 1)}: {{}}" if named is cases else ""
         return self._evidence(pairs, digits, which)
 
     def _evidence(self, pairs: dict[str, Pair], digits: int, which: str) -> "Evidence":
@@ -487,7 +487,7 @@ class Evidence:
 
     Examples
     --------
-    >>> kept = Evidence.parse("0.6528506558 < 0.5 * 1.000000000 | worst of 6: ξ = 0.5")
+    >>> kept = Evidence.parse("0.6528506558 < 0.5 * 1.000000000 | worst of 6 cases: ξ = 0.5")
     >>> kept.verdict, kept.shown()
     ('fails', '0.6529 ≮ 0.5 · 1.000')
     """
@@ -519,8 +519,8 @@ class Evidence:
 
         Examples
         --------
-        >>> Evidence.parse("3 == 3 | worst of 2: at 1.4").remark
-        'worst of 2: at 1.4'
+        >>> Evidence.parse("3 == 3 | worst of 2 cases: at 1.4").remark
+        'worst of 2 cases: at 1.4'
         """
         first, both, second = text.partition(" || ")
         match = _EVIDENCE.fullmatch(first)
@@ -606,7 +606,7 @@ def _ratios(pairs: list[Pair]) -> str:
     if all(isinstance(side, int) for side in sides) or not all(0 < side < float("inf") for side in sides):
         return ""
     low, high = (_two_digits(choose(left / right for left, right in pairs)) for choose in (min, max))
-    return f"ratio {low}" + (f" to {high}" if high != low else "")
+    return f"ratio from {low} to {high}" if high != low else f"ratio {low}"
 
 
 def _two_digits(ratio: float) -> str:

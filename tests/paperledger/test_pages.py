@@ -42,7 +42,7 @@ def test_update(project):
         "demo.t1.kp: computed '1.309812345' -> '1.315100000'",
         "demo.t1.kp: verdict 'reproduced' -> 'last-digit'",
         "demo.s1: evidence '3.100000000 < 4.200000000 | ratio 0.74' -> "
-        "'3.100000000 < 4.200000000 | worst of 1: one; ratio 0.74'",
+        "'3.100000000 < 4.200000000 | worst of 1 case: one; ratio 0.74'",
     ]
     assert result.problems == []
     assert Ledger.open("demo").rows["demo.t1.kp"].verdict == "last-digit"

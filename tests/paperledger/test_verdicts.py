@@ -38,9 +38,9 @@ def test_drift_of_a_number(fresh, stored, same):
         ("1.500000000 < 2.000000000", "1.500000003 < 2.000000000", False),
         ("1.500000000 < 2.000000000", "1.500000000 <= 2.000000000", False),
         ("3.1 < 4.2", "3.100000000 < 4.200000000", False),  # fewer digits would hide drift
-        ("3 < 4 | worst of 2: a", "3 < 4", False),
-        ("3 < 4 | worst of 2: a; ratio 0.74", "3 < 4 | worst of 3: a; ratio 0.74", False),
-        ("3 < 4 | worst of 2: a; ratio 0.74", "3 < 4 | worst of 2: a; ratio 0.75", True),
+        ("3 < 4 | worst of 2 cases: a", "3 < 4", False),
+        ("3 < 4 | worst of 2 cases: a; ratio 0.74", "3 < 4 | worst of 3 cases: a; ratio 0.74", False),
+        ("3 < 4 | worst of 2 cases: a; ratio 0.74", "3 < 4 | worst of 2 cases: a; ratio 0.75", True),
     ],
 )
 def test_drift_of_evidence(old, new, same):
@@ -182,15 +182,21 @@ def test_conventions_are_those_of_the_notation_page(relation, left, right, kept,
 def test_the_worst_case_decides_or_the_best_with_some():
     cases = {"a": (1.0, 2.0), ("b", 3): (1.9, 2.0), "c | d": (3.0, 9.0)}
     every, some = Relation.parse("A < B"), Relation.parse("A < B | some")
-    assert str(every.decide(cases)) == "1.900000000 < 2.000000000 | worst of 3: b, 3; ratio 0.33 to 0.95"
-    assert str(some.decide(cases)) == "3.000000000 < 9.000000000 | best of 3: c / d; ratio 0.33 to 0.95"
+    assert (
+        str(every.decide(cases))
+        == "1.900000000 < 2.000000000 | worst of 3 cases: b, 3; ratio from 0.33 to 0.95"
+    )
+    assert (
+        str(some.decide(cases))
+        == "3.000000000 < 9.000000000 | best of 3 cases: c / d; ratio from 0.33 to 0.95"
+    )
     violated = cases | {"d": (5.0, 4.0), "e": (8.0, 4.0)}
-    assert every.decide(violated).remark == "worst of 5: e; ratio 0.33 to 2.0"
+    assert every.decide(violated).remark == "worst of 5 cases: e; ratio from 0.33 to 2.0"
     equal = every.decide({"a": (1.0, 2.0), "b": (1.0, 2.0 - 1e-15)})  # rounding does not exchange equal cases
-    assert equal.remark == "worst of 2: a; ratio 0.50"
+    assert equal.remark == "worst of 2 cases: a; ratio 0.50"
     sized = {"large": (99.0, 100.0), "small": (0.05, 0.1), "none": (0.0, 0.0)}
-    assert Relation.parse("A <= B").decide(sized).remark == "worst of 3: none"
-    assert every.decide(sized | {"none": (0.0, 0.1)}).remark == "worst of 3: large"
+    assert Relation.parse("A <= B").decide(sized).remark == "worst of 3 cases: none"
+    assert every.decide(sized | {"none": (0.0, 0.1)}).remark == "worst of 3 cases: large"
 
 
 PARTS = {
@@ -205,8 +211,8 @@ PARTS = {
 def test_a_statement_that_holds_in_part(declared):
     evidence = Relation.parse(f"A < B | {declared}").decide(PARTS)
     assert str(evidence) == (
-        "1.500000000 < 2.000000000 | holds in 2 of 4 (load, Ms 1.4; load, Ms 2); ratio 0.50 to 0.75 || "
-        "3.000000000 < 2.000000000 | fails in 2 of 4 (quiet; loud); ratio 1.5 to 2.5"
+        "1.500000000 < 2.000000000 | holds in 2 of 4 (load, Ms 1.4; load, Ms 2); ratio from 0.50 to 0.75 || "
+        "3.000000000 < 2.000000000 | fails in 2 of 4 (quiet; loud); ratio from 1.5 to 2.5"
     )
     assert evidence.verdict == "holds-in-part"
     assert evidence.shown() == "1.500 < 2.000; 3.000 ≮ 2.000"
