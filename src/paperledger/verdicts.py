@@ -1,4 +1,4 @@
-"""From computed numbers, derive verdicts on printed numbers and on statements.
+"""Derive verdicts on the printed numbers and the statements of a paper.
 
 Numbers are compared as decimals, not as floats. The decimal ``1.005`` lies halfway between ``1.00`` and ``1.01``, but
 the nearest float does not.

@@ -116,8 +116,8 @@ def _noise(process: Process, size: int, sample_time: float) -> Callable[[Array, 
 def _quiet_enough(scaled: Any, most: float) -> tuple[float, float, HighOrderPID]:
     """Search for the shortest filter time that keeps the noise within its limit.
 
-    `scaled` is a function of log(filter time / sample time). It returns the noise gain, the factor of the gains and the
-    controller.
+    `scaled` is a function of log(filter time / sample time). Like this search, it returns the noise gain, the factor
+    of the gains and the controller.
     """
     tried: dict[float, tuple[float, float, HighOrderPID]] = {}
 

@@ -105,8 +105,8 @@ def load(
     ms_worst : float, optional
         Largest allowed maximum sensitivity with each plant of the family, above 1.
     start : Design, optional
-        A design of this function for the same process and order. The search starts from this design. It uses other
-        starts only if this start leads to no controller, not even for the process without the family.
+        A design of this function for the same process and order. The search starts from this design. Other
+        starts are used only if it then finds no controller for the process alone.
 
     Returns
     -------
@@ -116,8 +116,8 @@ def load(
         - ``iae``, ``ms`` and ``mks``;
         - ``noise_gain``, ``mt``, ``disk`` and ``ms_worst``, if they were limited;
         - ``active``, the names of the active limits ("sample_time" if the filter time equals the sample time);
-        - ``edge``, the variables at the edge of the search range. Without a limit on noise this is the filter time,
-          since a shorter filter time would be better;
+        - ``edge``, the variables at the edge of the search range. Without a limit on noise the
+          filter time is at its lower edge, since a shorter filter time would reduce the IAE;
         - ``valleys``, the IAE of different local optima. The first value is the IAE of the design. The other values are
           at most twice as large and are accurate to two digits. If the design was found from `start`, there is only the
           first value;

@@ -209,7 +209,7 @@ def _newton(s: Any, factors: LoopFactors) -> tuple[Any, Any]:
 
 
 def _all_of_them(factors: LoopFactors, poles: Any, last: int, chain: float) -> bool:
-    """Return True if no other pole lies right of a vertical line just left of the first `last` poles."""
+    """Return True if the first `last` poles are all poles to the right of a vertical line just left of them."""
     slowest = poles[last - 1].real
     border = slowest - 1 if last == poles.size else max(0.5 * (slowest + poles[last].real), slowest - 1)
     if border <= chain + 1e-6 or slowest - border <= 1e-9 * abs(border):
