@@ -166,11 +166,11 @@ def claim(row: Row, unfold: bool = True, anchored: bool = False) -> Cell:
     anchor = row.id.replace(".", "-")  # in a CSS selector, a dot would begin a class
     html = f'{markup(text)} <span class="where">{markup(row.where)}</span>'
     if unfold and (row.note or row.made or anchored):
-        made = re.sub(r"\bfit: (.*?) from (.*? numbers?)", r"\1 fitted to \2", row.made)
-        made = made.replace("count: ", "count or grid value: ").replace("page: ", "formula of the page: ")
+        made = re.sub(r"\bfit: (.*?) from (.*? numbers?)", r"To \2 we fitted \1", row.made)
+        made = made.replace("count: ", "whole or rounded number: ").replace("page: ", "formula of the page: ")
         said = "".join(f"<p>{markup(line)}</p>" for line in (row.note, *made.split(" | ")) if line)
         if anchored:  # readers can copy the id to cite the row
-            cite = f"To cite: row {escape(row.id)} of the account of pidalab"
+            cite = f"To cite: row {escape(row.id)} of the ledger of pidalab"
             said += f'<p class="row-cite">{cite}, <a href="#{anchor}">with this address</a></p>'
         html = f"<details><summary>{html}</summary>{said}</details>"
     if anchored:

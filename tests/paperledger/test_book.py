@@ -242,4 +242,4 @@ def test_a_fitted_row_is_counted_apart_and_says_what_was_fitted():
     assert score([fitted, replace(fitted, verdict="differs")])["fitted-agrees"] == 1
     table = ledger(fitted).claims()
     assert "reproduced (settings fitted)" in repr(table)
-    assert "2 settings fitted to 12 numbers" in table.html
+    assert "To 12 numbers we fitted 2 settings" in table.html

@@ -210,7 +210,7 @@ def test_every_row_leads_to_the_chapter_and_its_evidence(project):
     assert "<summary>All 10 rows</summary>" in page.html
     assert page.html.count("<tr>") == 11
     assert 'id="demo-t1-kp"' in page.html
-    assert 'row demo.t1.kp of the account of pidalab, <a href="#demo-t1-kp">' in page.html
+    assert 'row demo.t1.kp of the ledger of pidalab, <a href="#demo-t1-kp">' in page.html
 
 
 def test_write_score_rewrites_only_its_block(project):
