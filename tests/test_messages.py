@@ -109,7 +109,10 @@ MESSAGES = {
         (partial(Process, [1.0], [0.0, 0.0]), "den must not be the zero polynomial"),
         (partial(Process.from_control, control.tf([1.0], [1.0, 0.5], 0.1)), r"sys .* found sample time 0\.1"),
         (partial(Process.from_control, control.ss([], [], [], [[2.0]])), "sys must be a transfer function"),
-        (partial(Process.from_control, control.tf([1.0, 0.0], [1.0])), "sys must be proper, found .* 1 of num and 0"),
+        (
+            partial(Process.from_control, control.tf([1.0, 0.0], [1.0])),
+            "sys must be proper, found degrees 1 of num and 0",
+        ),
         (partial(Process.from_control, "1/s"), "sys must be a number, a controller or a transfer function,"),
         (partial(fopdt, 1.0, 0.0, 1.0), "lag must be above 0, found 0"),
         (partial(require_no_zero_at_origin, "model", ZERO), "model must have a static gain other than 0, or an int"),
@@ -169,7 +172,10 @@ MESSAGES = {
         (lambda: plots.nyquist(None, {"a": L}, W), "ax must be one of .* found NoneType"),
         (lambda: plots.signal(plt.gcf(), {"a": ANSWER}, "y"), "ax must be one of matplotlib's Axes, found Figure"),
         (lambda: plots.nyquist(plt.gca(), {"a": L}, np.append(W, np.inf)), "frequencies must be finite, found inf at"),
-        (lambda: plots.label_lines(plt.gca(), {"PI": 1.0}), r"keys of 'at' must be labels .* in 'ax' .* found 'PI'"),
+        (
+            lambda: plots.label_lines(plt.gca(), {"PI": 1.0}),
+            r"keys of 'at' must be labels of lines in 'ax' \(.*\), found 'PI'",
+        ),
     ],
     "simulate": [
         (simulated(t=[0.0, 1.0, 3.0]), "t must be uniform"),

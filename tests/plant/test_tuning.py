@@ -59,7 +59,7 @@ def test_fit_provides_uncertainty_and_noise():
     design = tune(fitted, "PI")
     assert design.ms <= 1.6 * (1 + 1e-6)
     assert design.ms < design.ms_worst
-    assert "moves u by at most 1 %" in design.info["notes"][0]
+    assert "the noise of the record then moves u by at most 1 %" in design.info["notes"][0]
     with pytest.raises(ValueError, match=r"too uncertain .*; a longer record, a larger step"):
         tune(fitted, "PI", spread=0.99)
 
